@@ -1,0 +1,88 @@
+//! What a plan runs against: one small trait, with a simulated valve, a replayed recording, Modbus and serial
+//! current drivers behind it.
+
+use serde::{Deserialize, Serialize};
+
+/// How far a sample can be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quality {
+    /// Fresh, complete and plausible.
+    Good,
+    /// No reply in this slot: the last value is held.
+    Held,
+    /// A reply came, but its freshness could not be shown.
+    Stale,
+    /// The device answered with an exception.
+    Exception,
+    /// A reply came with a value outside what the sensor or the device can deliver.
+    Implausible,
+}
+
+/// What is known of a rig before the first step; goes into the record.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct RigIdentity {
+    /// `sim`, `modbus`, `serial` or `replay`.
+    pub kind: String,
+    /// Valve file (simulation), driver profile (hardware) or recording (replay) by name.
+    pub name: String,
+    /// SHA-256 of that file's bytes, hex.
+    pub sha256: String,
+    /// Further facts, in the order in which they are printed (real-time priority granted, memory locked, ...).
+    pub details: Vec<(String, String)>,
+}
+
+/// One sample, taken at the end of a slot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Time since the start of the run [s], on the rig's clock.
+    pub time_s: f64,
+    /// Measured pressure [bar].
+    pub pressure_bar: f64,
+    /// Measured current [A], where the rig has such a channel.
+    pub current_a: Option<f64>,
+    /// Oil temperature [degC], where the rig has such a channel.
+    pub oil_temp_c: Option<f64>,
+    /// Supply pressure [bar], where the rig has such a channel.
+    pub supply_bar: Option<f64>,
+    /// Whether the sample is fresh and plausible.
+    pub quality: Quality,
+    /// How late the slot began against its absolute deadline [s]; 0 in simulation.
+    pub lateness_s: f64,
+    /// Round-trip time of the transaction [s]; 0 in simulation.
+    pub round_trip_s: f64,
+    /// Slots skipped since the previous sample; 0 when on time.
+    pub missed_slots: u32,
+}
+
+/// The outcome of an attempt to reach the safe state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SafeState {
+    /// Whether the measured current (or what the profile names) confirmed it within its budget.
+    pub confirmed: bool,
+    /// What was written and read back, for the report.
+    pub evidence: String,
+}
+
+/// A bench: one coil current out, one pressure in.
+pub trait Rig {
+    /// What the rig is.
+    fn identity(&self) -> RigIdentity;
+    /// Applies `command_a` until rig time `until_s`, then samples. Simulation computes; hardware waits.
+    fn step(&mut self, command_a: f64, until_s: f64) -> Result<Sample, RigError>;
+    /// Brings the rig to its safe state and reads that back; must not depend on earlier success.
+    fn make_safe(&mut self) -> Result<SafeState, RigError>;
+}
+
+/// Why a rig could not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    /// The recording or the simulation has no further sample.
+    #[error("{source_name}: no further sample after {time_s:.3} s")]
+    Exhausted {
+        /// The rig's name.
+        source_name: String,
+        /// The rig time.
+        time_s: f64,
+    },
+}
