@@ -6,4 +6,5 @@
 pub mod units;
 
 pub mod recording;
+pub mod record;
 pub mod rig;
