@@ -5,6 +5,34 @@
 
 pub mod units;
 
+pub mod valve;
+
+pub mod physics;
+
+pub mod control;
+
 pub mod recording;
-pub mod record;
+
+pub mod metrics;
+
+pub mod limits;
+
+pub mod identify;
+
+pub mod plan;
+
 pub mod rig;
+
+pub mod record;
+
+pub mod runner;
+
+pub mod diagnose;
+
+pub mod challenge;
+
+pub mod batch;
+
+pub mod report;
+
+pub mod cli;

@@ -1,2 +1,7 @@
-//! hil
-fn main() {}
+//! The `hil` command.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(hil::cli::main())
+}

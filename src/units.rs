@@ -124,7 +124,9 @@ fn split(text: &str) -> (&str, &str) {
         let c = bytes[end];
         let exponent = (c == b'e' || c == b'E')
             && end > 0
-            && bytes.get(end + 1).is_some_and(|n| n.is_ascii_digit() || ((*n == b'-' || *n == b'+') && bytes.get(end + 2).is_some_and(u8::is_ascii_digit)));
+            && bytes
+                .get(end + 1)
+                .is_some_and(|n| n.is_ascii_digit() || ((*n == b'-' || *n == b'+') && bytes.get(end + 2).is_some_and(u8::is_ascii_digit)));
         let sign = (c == b'-' || c == b'+') && (end == 0 || matches!(bytes[end - 1], b'e' | b'E'));
         if !(c.is_ascii_digit() || c == b'.' || exponent || sign) {
             break;

@@ -1,0 +1,1 @@
+//! Many records: yield, process statistics, store.

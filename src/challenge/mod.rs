@@ -1,0 +1,1 @@
+//! A finer plant that conceals an effect, to prove the diagnosis on.

@@ -1,0 +1,1 @@
+//! Feed-forward, PI, the controller, and the stability of the loop that it closes.

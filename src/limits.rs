@@ -1,0 +1,1 @@
+//! Pass, marginal or fail: decided here and nowhere else.

@@ -1,0 +1,1 @@
+//! One definition per figure, with its id and source.

@@ -1,0 +1,1 @@
+//! Effects, one file each, and the pipeline that simulates a valve.

@@ -1,0 +1,1 @@
+//! The declarative test: phases, stimuli, measurements.

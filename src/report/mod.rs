@@ -1,0 +1,1 @@
+//! Pure functions of a record: text, JSON, Markdown, JUnit, HTML. They format; they compute nothing.

@@ -1,0 +1,1 @@
+//! Reference curves, hysteresis models and their inverse, the valve model file.
