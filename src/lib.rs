@@ -5,6 +5,8 @@
 
 pub mod units;
 
+pub mod document;
+
 pub mod valve;
 
 pub mod physics;

@@ -1,0 +1,101 @@
+//! A TOML document that a person wrote: read with exact places, so that a message can underline the wrong token.
+
+use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+use serde::de::DeserializeOwned;
+
+/// Largest document that is read [bytes]; a plan or a model is a few kilobytes.
+pub const MAX_BYTES: u64 = 4 << 20;
+
+/// Why a document cannot be used; the text is complete and shows the place.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub struct DocumentError(pub String);
+
+/// Reads the text of a document, refusing a directory, a file that is not text, an empty and a huge one.
+pub fn read(path: &std::path::Path) -> Result<String, DocumentError> {
+    let name = path.display();
+    let fail = |problem: String| DocumentError(format!("{name}: {problem}"));
+    let meta = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?;
+    if meta.is_dir() {
+        return Err(fail("is a directory; a TOML file is wanted".into()));
+    }
+    if meta.len() > MAX_BYTES {
+        return Err(fail(format!("has {} bytes; at most {MAX_BYTES} are read", meta.len())));
+    }
+    let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|e| fail(format!("is not UTF-8 text (byte {})", e.utf8_error().valid_up_to())))?;
+    if text.trim().is_empty() {
+        return Err(fail("is empty".into()));
+    }
+    Ok(text)
+}
+
+/// Reads `text` as a `T`. Unknown keys, wrong types and wrong units are errors that underline the token.
+pub fn parse<T: DeserializeOwned>(text: &str, source_name: &str) -> Result<T, DocumentError> {
+    toml::from_str(text).map_err(|error| {
+        let span = error.span().unwrap_or(0..0);
+        underline(text, source_name, span, error.message())
+    })
+}
+
+/// The message with the place in the text underlined, in plain text without colours.
+pub fn underline(text: &str, source_name: &str, span: std::ops::Range<usize>, message: &str) -> DocumentError {
+    let mut lines = message.lines();
+    let title = lines.next().unwrap_or("wrong");
+    let rest: Vec<&str> = lines.collect();
+    // A span over many lines (a whole table) is shown at its first line.
+    let end = text[span.start.min(text.len())..].find('\n').map_or(text.len(), |n| span.start + n);
+    let span = span.start.min(text.len())..span.end.min(end).max(span.start.min(text.len()));
+    let snippet = Snippet::source(text).path(source_name).annotation(AnnotationKind::Primary.span(span));
+    let mut group = Level::ERROR.primary_title(title).element(snippet);
+    if !rest.is_empty() {
+        group = group.element(Level::HELP.message(rest.join(" ")));
+    }
+    let rendered = Renderer::plain().render(&[group]);
+    // The caller prints its own "error: ".
+    DocumentError(rendered.strip_prefix("error: ").unwrap_or(&rendered).to_string())
+}
+
+/// The known name that a mistyped one was probably meant to be.
+pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let ranked = known.into_iter().map(|k| (strsim::osa_distance(typed, k), k));
+    ranked.filter(|(d, k)| *d <= 2.max(k.len() / 4)).min().map(|(_, k)| k)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Example {
+        #[expect(dead_code, reason = "only parsed")]
+        delay: crate::units::Time,
+    }
+
+    #[test]
+    fn the_wrong_token_is_underlined() {
+        let error = parse::<Example>("# a comment\ndelay = \"20 mA\"\n", "x.toml").unwrap_err();
+        insta::assert_snapshot!(error.0, @r#"
+        `20 mA` is not a time: the unit `mA` is of a current; allowed: s, ms, us, min, h
+         --> x.toml:2:9
+          |
+        2 | delay = "20 mA"
+          |         ^^^^^^^
+        "#);
+        let error = parse::<Example>("delai = \"20 ms\"\n", "x.toml").unwrap_err();
+        insta::assert_snapshot!(error.0, @r#"
+        unknown field `delai`, expected `delay`
+         --> x.toml:1:1
+          |
+        1 | delai = "20 ms"
+          | ^^^^^
+        "#);
+    }
+
+    #[test]
+    fn a_mistyped_name_finds_its_neighbour() {
+        assert_eq!(nearest("setling_time", ["settling_time", "rise_time"]), Some("settling_time"));
+        assert_eq!(nearest("xyz", ["settling_time", "rise_time"]), None);
+    }
+}

@@ -1,0 +1,312 @@
+//! The valve model file (`schema = "hil.valve/1"`).
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Hysteresis, Polynomial, ReferenceCurves, Valve, ValveError};
+use crate::document;
+use crate::units::{Current, Pressure, PressureSquared, Time};
+
+/// The schema key of a valve file.
+pub const SCHEMA: &str = "hil.valve/1";
+
+/// One further effect: its id and its parameters, in the canonical units that its physics declares.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EffectSpec {
+    /// Id of the effect, for instance `first_order_lag`.
+    pub id: String,
+    /// Name and text with unit of each parameter, for instance `tau` and `45 ms`.
+    pub parameters: Vec<(String, String)>,
+}
+
+/// How a model was found, and how sure that is.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Identification {
+    /// Name of the recording.
+    pub recording: String,
+    /// SHA-256 of the recording's bytes, hex.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+    /// RMSE of the model on the recording [bar].
+    pub rmse: Option<Pressure>,
+    /// RMSE of the average model on the recording [bar].
+    pub rmse_average_model: Option<Pressure>,
+    /// Range of current that the recording covered [A].
+    pub covered: Option<(Current, Current)>,
+    /// Parameters with their standard errors, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, ParameterEstimate>,
+    /// What the recording could not carry.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+}
+
+/// An estimate with its standard error, both as text with the unit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterEstimate {
+    /// The estimate.
+    pub value: String,
+    /// One standard deviation.
+    pub std_error: String,
+}
+
+/// A valve file as it is written.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ValveFile {
+    /// `hil.valve/1`.
+    pub schema: String,
+    /// Name of the valve.
+    pub name: String,
+    /// Where the figures come from.
+    #[serde(default)]
+    pub source: String,
+    /// Reference curves.
+    pub curve: CurveFile,
+    /// Path between the curves.
+    pub hysteresis: HysteresisFile,
+    /// Dead time between command and pressure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay: Option<Time>,
+    /// Range over which the dead time may vary.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay_range: Option<(Time, Time)>,
+    /// Time constant of a first-order lag of the pressure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag: Option<Time>,
+    /// Smallest and largest current that the valve may see.
+    pub current_limits: (Current, Current),
+    /// Tank pressure, below which the outlet cannot fall.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<Pressure>,
+    /// Standard deviation of the sensor noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<Pressure>,
+    /// Further physics: one table each, `[[effect]]` with `id = { parameter = "value unit", .. }`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub effect: Vec<BTreeMap<String, BTreeMap<String, String>>>,
+    /// How the model was identified.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identification: Option<Identification>,
+}
+
+/// The reference curves as they are written.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CurveFile {
+    /// Coefficients of the pressure [bar] over the rising current [A], highest power first.
+    pub ascending: Vec<f64>,
+    /// Coefficients of the pressure [bar] over the falling current [A], highest power first.
+    pub descending: Vec<f64>,
+    /// Range on which the curves hold; found from slope and crossing where it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<(Current, Current)>,
+}
+
+/// The hysteresis as it is written: `"none"` or `{ hyperbolic = { a = ".." } }`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HysteresisFile {
+    /// No dependence on the direction.
+    None,
+    /// The hyperbola of Eqs. (5)-(8).
+    Hyperbolic {
+        /// Parameter `a`.
+        a: PressureSquared,
+    },
+}
+
+impl Valve {
+    /// Finds a valve by path, or by the bare name of a file in `valves/`.
+    pub fn find(name_or_path: &str) -> Result<PathBuf, ValveError> {
+        let direct = PathBuf::from(name_or_path);
+        if direct.exists() {
+            return Ok(direct);
+        }
+        let shipped = Path::new("valves").join(format!("{name_or_path}.toml"));
+        if shipped.exists() {
+            return Ok(shipped);
+        }
+        let mut known: Vec<String> = std::fs::read_dir("valves")
+            .map(|dir| dir.filter_map(|e| Some(e.ok()?.path().file_stem()?.to_string_lossy().into_owned())).collect())
+            .unwrap_or_default();
+        known.sort();
+        let known = if known.is_empty() { String::new() } else { format!("; there are: {}", known.join(", ")) };
+        Err(ValveError::Unknown { name: name_or_path.into(), known })
+    }
+
+    /// Reads a valve file.
+    ///
+    /// # Errors
+    /// [`ValveError`] with file, line and key.
+    pub fn load(path: &Path) -> Result<Self, ValveError> {
+        let text = document::read(path).map_err(|e| ValveError::Syntax(e.0))?;
+        Self::from_toml(&text, &path.display().to_string())
+    }
+
+    /// Reads the text of a valve file; `source_name` stands in the messages.
+    pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ValveError> {
+        let file: ValveFile = document::parse(text, source_name).map_err(|e| ValveError::Syntax(e.0))?;
+        Self::from_file(file, source_name)
+    }
+
+    fn from_file(file: ValveFile, source_name: &str) -> Result<Self, ValveError> {
+        let wrong = |key: &str, problem: String| ValveError::Value { file: source_name.into(), key: key.into(), problem };
+        if file.schema != SCHEMA {
+            return Err(wrong("schema", format!("is `{}`; a valve file has `{SCHEMA}`", file.schema)));
+        }
+        let limits_a = (file.current_limits.0.value(), file.current_limits.1.value());
+        if !(limits_a.0 < limits_a.1) {
+            return Err(wrong("current_limits", format!("{} A is not below {} A", limits_a.0, limits_a.1)));
+        }
+        for (key, coefficients) in [("curve.ascending", &file.curve.ascending), ("curve.descending", &file.curve.descending)] {
+            if coefficients.len() < 2 || coefficients.len() > 13 {
+                return Err(wrong(key, format!("has {} coefficients; 2 to 13 are allowed", coefficients.len())));
+            }
+            if !coefficients.iter().all(|c| c.is_finite()) {
+                return Err(wrong(key, "has a coefficient that is not finite".into()));
+            }
+        }
+        let (ascending, descending) = (Polynomial::new(file.curve.ascending), Polynomial::new(file.curve.descending));
+        let curves = match file.curve.range {
+            Some((low, high)) if low.value() < high.value() => {
+                ReferenceCurves::on_range(ascending, descending, (low.value(), high.value()))
+            }
+            Some((low, high)) => return Err(wrong("curve.range", format!("{low} is not below {high}"))),
+            None => ReferenceCurves::new(ascending, descending, limits_a).map_err(|e| match e {
+                ValveError::Value { key, problem, .. } => wrong(&key, problem),
+                other => other,
+            })?,
+        };
+        let hysteresis = match file.hysteresis {
+            HysteresisFile::None => Hysteresis::None,
+            HysteresisFile::Hyperbolic { a } if a.value() >= 0.0 => Hysteresis::Hyperbolic { a_bar2: a.value() },
+            HysteresisFile::Hyperbolic { a } => return Err(wrong("hysteresis.hyperbolic.a", format!("{a} is negative"))),
+        };
+        let seconds = |key: &str, value: Option<Time>| match value.map_or(0.0, Time::value) {
+            s if (0.0..=MAX_TIME_S).contains(&s) => Ok(s),
+            s => Err(wrong(key, format!("{s} s is outside 0 s to {MAX_TIME_S} s"))),
+        };
+        let delay_s = seconds("delay", file.delay)?;
+        let delay_range_s = match file.delay_range {
+            None => (delay_s, delay_s),
+            Some((low, high)) if 0.0 <= low.value() && low.value() <= delay_s && delay_s <= high.value() => (low.value(), high.value()),
+            Some((low, high)) => return Err(wrong("delay_range", format!("{low} to {high} does not hold the delay of {delay_s} s"))),
+        };
+        let effects = file.effect.into_iter().flatten().map(|(id, p)| EffectSpec { id, parameters: p.into_iter().collect() }).collect();
+        Ok(Self {
+            name: file.name,
+            source: file.source,
+            curves,
+            hysteresis,
+            delay_s,
+            delay_range_s,
+            lag_s: seconds("lag", file.lag)?,
+            current_limits_a: limits_a,
+            floor_bar: file.floor.map(Pressure::value),
+            noise_bar: file.noise.map_or(0.0, Pressure::value).max(0.0),
+            effects,
+            identification: file.identification,
+        })
+    }
+
+    /// The valve as the text of a file that reads back as the same valve.
+    pub fn to_toml(&self) -> String {
+        let time = |s: f64| (s != 0.0).then(|| Time::new(s));
+        let file = ValveFile {
+            schema: SCHEMA.into(),
+            name: self.name.clone(),
+            source: self.source.clone(),
+            curve: CurveFile {
+                ascending: self.curves.ascending.coefficients.clone(),
+                descending: self.curves.descending.coefficients.clone(),
+                range: Some((Current::new(self.curves.range_a.0), Current::new(self.curves.range_a.1))),
+            },
+            hysteresis: match self.hysteresis {
+                Hysteresis::None => HysteresisFile::None,
+                Hysteresis::Hyperbolic { a_bar2 } => HysteresisFile::Hyperbolic { a: PressureSquared::new(a_bar2) },
+            },
+            delay: time(self.delay_s),
+            delay_range: (self.delay_range_s != (self.delay_s, self.delay_s))
+                .then(|| (Time::new(self.delay_range_s.0), Time::new(self.delay_range_s.1))),
+            lag: time(self.lag_s),
+            current_limits: (Current::new(self.current_limits_a.0), Current::new(self.current_limits_a.1)),
+            floor: self.floor_bar.map(Pressure::new),
+            noise: (self.noise_bar > 0.0).then(|| Pressure::new(self.noise_bar)),
+            effect: self.effects.iter().map(|e| BTreeMap::from([(e.id.clone(), e.parameters.iter().cloned().collect())])).collect(),
+            identification: self.identification.clone(),
+        };
+        toml::to_string(&file).unwrap_or_default()
+    }
+
+    /// What a user of this model should know at load.
+    pub fn warnings(&self) -> Vec<String> {
+        let (low, high) = self.curves.range_a;
+        let mut warnings = Vec::new();
+        let slack = 1e-3 * (self.current_limits_a.1 - self.current_limits_a.0);
+        if low > self.current_limits_a.0 + slack || high < self.current_limits_a.1 - slack {
+            warnings.push(format!(
+                "{}: the reference curves hold from {low:.3} A to {high:.3} A, not over all of {} A to {} A (slope and crossing); beyond, they continue as straight lines",
+                self.name, self.current_limits_a.0, self.current_limits_a.1
+            ));
+        }
+        warnings
+    }
+}
+
+/// Longest delay or lag that a valve file may name [s]: beyond that it is no valve.
+const MAX_TIME_S: f64 = 100.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const PAPER: &str = r#"
+schema = "hil.valve/1"
+name = "paper"
+current_limits = ["0 A", "1 A"]
+hysteresis.hyperbolic.a = "0.8 bar^2"
+delay = "20 ms"
+delay_range = ["10 ms", "30 ms"]
+floor = "0 bar"
+
+[curve]
+ascending = [-42.65, 92.5, -8.4, -2.03]
+descending = [-40.01, 83.32, -1.3, -2.41]
+
+[[effect]]
+first_order_lag = { tau = "45 ms" }
+"#;
+
+    #[test]
+    fn a_file_reads_and_its_text_reads_back_the_same() {
+        let valve = Valve::from_toml(PAPER, "paper.toml").unwrap();
+        assert_eq!(valve.delay_range_s, (0.01, 0.03));
+        assert_eq!(valve.effects[0].parameters[0], ("tau".to_string(), "45 ms".to_string()));
+        let back = Valve::from_toml(&valve.to_toml(), "back.toml").unwrap();
+        assert_eq!(back, valve);
+        assert!(valve.warnings()[0].contains("hold from 0.058 A"), "{:?}", valve.warnings());
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_key() {
+        let wrong = |from: &str, to: &str| Valve::from_toml(&PAPER.replace(from, to), "paper.toml").unwrap_err().to_string();
+        insta::assert_snapshot!(wrong("hil.valve/1", "hil.plan/1"), @"paper.toml: schema: is `hil.plan/1`; a valve file has `hil.valve/1`");
+        insta::assert_snapshot!(wrong("\"10 ms\"", "\"25 ms\""), @"paper.toml: delay_range: 0.025 s to 0.03 s does not hold the delay of 0.02 s");
+        insta::assert_snapshot!(wrong("0.8 bar^2", "-1 bar^2"), @"paper.toml: hysteresis.hyperbolic.a: -1 bar^2 is negative");
+        insta::assert_snapshot!(wrong("[\"0 A\", \"1 A\"]", "[\"1 A\", \"0 A\"]"), @"paper.toml: current_limits: 1 A is not below 0 A");
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "\\PC*") {
+            let _ = Valve::from_toml(&text, "x");
+        }
+    }
+}
