@@ -180,7 +180,7 @@ units! {
     /// Oil or coil temperature, kept in degC.
     TEMPERATURE TemperatureUnit Temperature "temperature" "degC" 1 ["degC" 1.0, "°C" 1.0];
     /// Angle, kept in deg.
-    ANGLE AngleUnit Angle "angle" "deg" 3 ["deg" 1.0, "°" 1.0, "rad" 57.295779513082320877];
+    ANGLE AngleUnit Angle "angle" "deg" 3 ["deg" 1.0, "°" 1.0, "rad" 57.295_779_513_082_32];
     /// Level of a gain, kept in dB.
     LEVEL LevelUnit Level "level" "dB" 3 ["dB" 1.0];
     /// Rate of a ratio, kept in 1/s.

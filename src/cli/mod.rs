@@ -3,6 +3,8 @@
 //! Data goes to stdout, progress and messages to stderr. The exit codes are part of the contract with scripts
 //! and CI: see [`exit`].
 
+mod completions;
+
 use std::io::Write;
 
 use clap::{Parser, Subcommand};
@@ -70,7 +72,10 @@ struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {}
+enum Command {
+    /// Print a completion script for a shell.
+    Completions(completions::CompletionsArgs),
+}
 
 /// Runs the command line and returns the exit code.
 pub fn main() -> u8 {
@@ -82,7 +87,9 @@ pub fn main() -> u8 {
             return code;
         }
     };
-    let result: CliResult = match cli.command {};
+    let result: CliResult = match cli.command {
+        Command::Completions(args) => completions::run(&args),
+    };
     result.unwrap_or_else(|error| {
         let _ = writeln!(anstream::stderr(), "error: {error}");
         error.code

@@ -100,7 +100,7 @@ impl ReferenceCurves {
     fn inverse(&self, value: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64, pressure_bar: f64) -> f64 {
         let (mut low, mut high) = self.range_a;
         let (bottom, top) = (value(low), value(high));
-        if !(pressure_bar > bottom) {
+        if pressure_bar <= bottom || pressure_bar.is_nan() {
             return low + (pressure_bar - bottom) / self.end_slopes.0;
         }
         if pressure_bar >= top {

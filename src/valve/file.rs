@@ -161,7 +161,7 @@ impl Valve {
             return Err(wrong("schema", format!("is `{}`; a valve file has `{SCHEMA}`", file.schema)));
         }
         let limits_a = (file.current_limits.0.value(), file.current_limits.1.value());
-        if !(limits_a.0 < limits_a.1) {
+        if limits_a.0 >= limits_a.1 {
             return Err(wrong("current_limits", format!("{} A is not below {} A", limits_a.0, limits_a.1)));
         }
         for (key, coefficients) in [("curve.ascending", &file.curve.ascending), ("curve.descending", &file.curve.descending)] {

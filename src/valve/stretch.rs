@@ -47,7 +47,7 @@ fn stretches(curves: &ReferenceCurves, a_bar2: f64, start_bar: f64, current_a: &
     while k + 1 < n {
         let (here, p) = (current_a[k], pressure_bar[k]);
         let change = current_a[k + 1] - here;
-        if !(change > 0.0 || change < 0.0) {
+        if change == 0.0 || change.is_nan() {
             pressure_bar[k + 1] = p;
             k += 1;
             continue;
