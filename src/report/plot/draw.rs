@@ -6,7 +6,7 @@ use maud::{Markup, html};
 
 use super::axis::Axis;
 use super::thin::{HEIGHT, Point, WIDTH, thin};
-use super::{Color, Figure, Marker, Series, Stroke};
+use super::{Figure, Marker, Series, Stroke};
 
 pub(super) fn figure(figure: &Figure) -> Markup {
     let (x, y) = axes(figure);
@@ -201,6 +201,7 @@ fn labels(figure: &Figure, x: &Axis, y: &Axis) -> Markup {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Color;
     use super::*;
 
     #[test]
