@@ -1,1 +1,148 @@
 //! Pass, marginal or fail: decided here and nowhere else.
+//!
+//! A limit has a smallest and a largest accepted value, a warning band inside them, and a kind of bound. What could
+//! not be measured fails its limit.
+
+use serde::{Deserialize, Serialize};
+
+/// Whether a value on the bound itself is accepted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Bound {
+    /// A value on the bound is accepted.
+    #[default]
+    Inclusive,
+    /// A value on the bound is refused.
+    Exclusive,
+}
+
+/// What a figure is judged by, in the canonical unit of its metric.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Limit {
+    /// Smallest accepted value.
+    pub min: Option<f64>,
+    /// Largest accepted value.
+    pub max: Option<f64>,
+    /// Below this the verdict is MARGINAL.
+    pub marginal_min: Option<f64>,
+    /// Above this the verdict is MARGINAL.
+    pub marginal_max: Option<f64>,
+    /// Kind of the outer bounds.
+    pub bound: Bound,
+}
+
+/// The verdict on one figure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Within the limit.
+    Pass,
+    /// Within the limit, inside the warning band.
+    Marginal,
+    /// Outside the limit, or not measured.
+    Fail,
+}
+
+/// Why a limit makes no sense.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LimitError {
+    /// Nothing to judge by.
+    #[error("the limit has neither `min` nor `max`")]
+    Empty,
+    /// No value could pass.
+    #[error("`{low}` ({low_value}) is larger than `{high}` ({high_value})")]
+    Crossed {
+        /// Key of the lower bound.
+        low: &'static str,
+        /// Its value in the metric's unit.
+        low_value: f64,
+        /// Key of the upper bound.
+        high: &'static str,
+        /// Its value in the metric's unit.
+        high_value: f64,
+    },
+    /// A warning bound without the bound that it warns of.
+    #[error("`{warning}` needs `{bound}`")]
+    WarningAlone {
+        /// Key of the warning bound.
+        warning: &'static str,
+        /// Key of the missing bound.
+        bound: &'static str,
+    },
+}
+
+impl Limit {
+    /// Whether some value could pass, and the warning band lies inside the bounds.
+    pub fn check(&self) -> Result<(), LimitError> {
+        if self.min.is_none() && self.max.is_none() {
+            return Err(LimitError::Empty);
+        }
+        if self.marginal_min.is_some() && self.min.is_none() {
+            return Err(LimitError::WarningAlone { warning: "marginal_min", bound: "min" });
+        }
+        if self.marginal_max.is_some() && self.max.is_none() {
+            return Err(LimitError::WarningAlone { warning: "marginal_max", bound: "max" });
+        }
+        let rising = [("min", self.min), ("marginal_min", self.marginal_min), ("marginal_max", self.marginal_max), ("max", self.max)];
+        let given: Vec<(&'static str, f64)> = rising.into_iter().filter_map(|(key, value)| value.map(|v| (key, v))).collect();
+        match given.windows(2).find(|w| w[0].1 > w[1].1) {
+            Some(w) => Err(LimitError::Crossed { low: w[0].0, low_value: w[0].1, high: w[1].0, high_value: w[1].1 }),
+            None => Ok(()),
+        }
+    }
+
+    /// The verdict on `value`; an absent value and one that is not a number fail.
+    pub fn judge(&self, value: Option<f64>) -> Verdict {
+        let Some(value) = value.filter(|v| !v.is_nan()) else { return Verdict::Fail };
+        let refused = |bound: f64| self.bound == Bound::Exclusive && value == bound;
+        if self.min.is_some_and(|min| value < min || refused(min)) || self.max.is_some_and(|max| value > max || refused(max)) {
+            return Verdict::Fail;
+        }
+        if self.marginal_min.is_some_and(|m| value < m) || self.marginal_max.is_some_and(|m| value > m) {
+            return Verdict::Marginal;
+        }
+        Verdict::Pass
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const LIMIT: Limit = Limit { min: Some(0.0), max: Some(1.0), marginal_min: Some(0.1), marginal_max: Some(0.8), bound: Bound::Inclusive };
+
+    #[test]
+    fn verdicts_on_and_around_the_bounds() {
+        let judge = |v: f64| LIMIT.judge(Some(v));
+        assert_eq!([judge(-0.001), judge(0.0), judge(0.1), judge(0.8), judge(0.9), judge(1.0), judge(1.001)], {
+            use Verdict::*;
+            [Fail, Marginal, Pass, Pass, Marginal, Marginal, Fail]
+        });
+        let exclusive = Limit { bound: Bound::Exclusive, ..LIMIT };
+        assert_eq!((exclusive.judge(Some(1.0)), exclusive.judge(Some(0.0))), (Verdict::Fail, Verdict::Fail));
+    }
+
+    #[test]
+    fn what_was_not_measured_fails() {
+        assert_eq!(LIMIT.judge(None), Verdict::Fail);
+        assert_eq!(LIMIT.judge(Some(f64::NAN)), Verdict::Fail);
+    }
+
+    #[test]
+    fn senseless_limits_are_refused() {
+        assert_eq!(Limit::default().check(), Err(LimitError::Empty));
+        insta::assert_snapshot!(Limit { min: Some(2.0), max: Some(1.0), ..Limit::default() }.check().unwrap_err(), @"`min` (2) is larger than `max` (1)");
+        insta::assert_snapshot!(Limit { max: Some(1.0), marginal_max: Some(1.5), ..Limit::default() }.check().unwrap_err(), @"`marginal_max` (1.5) is larger than `max` (1)");
+        insta::assert_snapshot!(Limit { max: Some(1.0), marginal_min: Some(0.5), ..Limit::default() }.check().unwrap_err(), @"`marginal_min` needs `min`");
+    }
+
+    proptest! {
+        #[test]
+        fn moving_away_from_the_middle_never_improves_the_verdict(a in -2.0..3.0f64, b in -2.0..3.0f64) {
+            let distance = |v: f64| (0.45 - v).abs();
+            let (near, far) = if distance(a) <= distance(b) { (a, b) } else { (b, a) };
+            prop_assume!((near - 0.45).signum() == (far - 0.45).signum());
+            prop_assert!(LIMIT.judge(Some(near)) <= LIMIT.judge(Some(far)));
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Margins of the sampled loop: zero-order hold, fractional delay, one period of computation; exact in the z-plane.
+//!
+//! The lag behind a hold with the total delay (n - m) T, 0 <= m < 1, is
+//! k z^-n [(1 - e^(-m T/tau)) + (e^(-m T/tau) - e^(-T/tau)) z^-1] / (1 - e^(-T/tau) z^-1) (modified z-transform;
+//! Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3). The controller is
+//! K_P + K_I T / (1 - z^-1), as it runs.
+
+use std::f64::consts::PI;
+
+use super::search::{bisect, maximum};
+use super::{FrequencyMargins, LoopPlant};
+use crate::control::Gains;
+
+/// The sampled loop.
+#[derive(Debug, Clone)]
+pub struct SampledLoop {
+    period_s: f64,
+    /// Numerator and denominator of L in rising powers of z^-1.
+    numerator: Vec<f64>,
+    denominator: Vec<f64>,
+    integrates: bool,
+}
+
+impl SampledLoop {
+    /// The loop at `rate_hz`, with one period of computation on top of the plant's delay.
+    pub fn new(plant: &LoopPlant, gains: Gains, rate_hz: f64) -> Self {
+        let period = 1.0 / rate_hz;
+        let delay = plant.delay_s + period;
+        // A delay that is a whole number of periods up to rounding counts as whole.
+        let periods = (delay / period - 1e-9).ceil();
+        let part = (periods - delay / period).max(0.0);
+        let decay = |time: f64| if plant.lag_s > 0.0 { (-time / plant.lag_s).exp() } else { f64::from(u8::from(time == 0.0)) };
+        let (at_part, at_period) = (decay(part * period), decay(period));
+        let k = plant.gain_bar_per_ma;
+        let hold = [k * (1.0 - at_part), k * (at_part - at_period)];
+        let (kp, step) = (gains.kp_ma_per_bar, gains.ki_ma_per_bar_s * period);
+        let integrates = step != 0.0;
+        let (controller, lag): (Vec<f64>, Vec<f64>) = if integrates { (vec![kp + step, -kp], vec![1.0, -1.0]) } else { (vec![kp], vec![1.0]) };
+        let mut numerator = vec![0.0; periods as usize];
+        numerator.extend(product(&controller, &hold));
+        Self { period_s: period, numerator, denominator: product(&lag, &[1.0, -at_period]), integrates }
+    }
+
+    /// Whether every closed-loop pole lies inside the unit circle.
+    pub fn stable(&self) -> bool {
+        let length = self.numerator.len().max(self.denominator.len());
+        let at = |p: &[f64], i: usize| p.get(i).copied().unwrap_or(0.0);
+        schur((0..length).map(|i| at(&self.numerator, i) + at(&self.denominator, i)).collect())
+    }
+
+    /// The margins at the sampling instants.
+    pub fn margins(&self) -> FrequencyMargins {
+        let stable = self.stable();
+        let open = self.numerator.iter().all(|c| *c == 0.0);
+        if open {
+            return FrequencyMargins { max_sensitivity: Some(1.0), stable, ..FrequencyMargins::default() };
+        }
+        let grid = self.grid();
+        let gain: Vec<f64> = grid.iter().map(|w| self.magnitude(*w).ln()).collect();
+        let phase = self.unwrapped_phase(&grid);
+        let mut gain_crossings = Vec::new();
+        let mut phase_crossings = Vec::new();
+        for i in 1..grid.len() {
+            if (gain[i - 1] > 0.0) != (gain[i] > 0.0) {
+                let w = bisect(|w| self.magnitude(w).ln(), grid[i - 1], grid[i]);
+                gain_crossings.push((w, PI + nearest(self.phase(w), phase[i])));
+            }
+            // Crossings of -180 deg and of every full turn below it.
+            let turn = |p: f64| ((p + PI) / (2.0 * PI)).floor();
+            if turn(phase[i - 1]) != turn(phase[i]) {
+                let target = 2.0 * PI * turn(phase[i - 1]).max(turn(phase[i])) - PI;
+                let w = bisect(|w| nearest(self.phase(w), phase[i]) - target, grid[i - 1], grid[i]);
+                phase_crossings.push((w, -20.0 * self.magnitude(w).log10()));
+            }
+        }
+        if phase.last().is_some_and(|p| ((p + PI) / (2.0 * PI)).fract().abs() < 1e-6) {
+            let nyquist = PI / self.period_s;
+            phase_crossings.push((nyquist, -20.0 * self.magnitude(nyquist).log10()));
+        }
+        let least = |from: &[(f64, f64)]| from.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+        // A stable loop can have crossings beyond a full turn; only what is left until instability counts.
+        let gain_margin = if stable { least(&phase_crossings.iter().copied().filter(|c| c.1 > 0.0).collect::<Vec<_>>()) } else { least(&phase_crossings) };
+        let phase_margin = if stable { gain_crossings.iter().map(|(w, m)| (*w, m.rem_euclid(2.0 * PI))).min_by(|a, b| a.1.total_cmp(&b.1)) } else { least(&gain_crossings) };
+        let delay_margin = gain_crossings.iter().map(|(w, m)| m.rem_euclid(2.0 * PI) / w).min_by(f64::total_cmp);
+        FrequencyMargins {
+            gain_margin_db: gain_margin.map(|c| c.1),
+            phase_margin_deg: phase_margin.map(|c| c.1.to_degrees()),
+            delay_margin_s: delay_margin.filter(|_| stable),
+            max_sensitivity: if stable { self.max_sensitivity() } else { None },
+            gain_crossover_rad_s: phase_margin.map(|c| c.0),
+            phase_crossover_rad_s: gain_margin.map(|c| c.0),
+            stable,
+        }
+    }
+
+    /// The largest sensitivity over the frequencies up to half the rate; `None` when it is not finite.
+    pub fn max_sensitivity(&self) -> Option<f64> {
+        let sensitivity = |w: f64| {
+            let (real, imaginary) = self.response(w);
+            1.0 / (1.0 + real).hypot(imaginary)
+        };
+        maximum(sensitivity, &self.grid()).filter(|m| m.is_finite())
+    }
+
+    /// Frequencies from a ten-thousandth of half the rate up to it, dense where the phase turns fast.
+    fn grid(&self) -> Vec<f64> {
+        let nyquist = PI / self.period_s;
+        let mut grid = super::search::logarithmic(1e-6 * nyquist, 0.02 * nyquist, 200);
+        let steps = 300.max(40 * self.numerator.len());
+        grid.extend((1..=steps).map(|i| nyquist * (0.02 + 0.98 * i as f64 / steps as f64)));
+        grid
+    }
+
+    fn unwrapped_phase(&self, grid: &[f64]) -> Vec<f64> {
+        let start = if self.integrates { -0.5 * PI } else { 0.0 };
+        let mut last = start;
+        grid.iter()
+            .map(|w| {
+                last = nearest(self.phase(*w), last);
+                last
+            })
+            .collect()
+    }
+
+    fn response(&self, w: f64) -> (f64, f64) {
+        let (sine, cosine) = (w * self.period_s).sin_cos();
+        let (nr, ni) = horner(&self.numerator, cosine, -sine);
+        let (dr, di) = horner(&self.denominator, cosine, -sine);
+        let scale = dr * dr + di * di;
+        ((nr * dr + ni * di) / scale, (ni * dr - nr * di) / scale)
+    }
+
+    fn magnitude(&self, w: f64) -> f64 {
+        let (real, imaginary) = self.response(w);
+        real.hypot(imaginary)
+    }
+
+    fn phase(&self, w: f64) -> f64 {
+        let (real, imaginary) = self.response(w);
+        imaginary.atan2(real)
+    }
+}
+
+/// `angle` plus the whole turns that bring it nearest to `reference`.
+fn nearest(angle: f64, reference: f64) -> f64 {
+    angle + 2.0 * PI * ((reference - angle) / (2.0 * PI)).round()
+}
+
+fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; a.len() + b.len() - 1];
+    for (i, x) in a.iter().enumerate() {
+        for (j, y) in b.iter().enumerate() {
+            out[i + j] += x * y;
+        }
+    }
+    out
+}
+
+/// The polynomial with coefficients in rising powers at the complex point (re, im).
+fn horner(coefficients: &[f64], re: f64, im: f64) -> (f64, f64) {
+    coefficients.iter().rev().fold((0.0, 0.0), |(r, i), c| (r * re - i * im + c, r * im + i * re))
+}
+
+/// Schur-Cohn step-down on c0 + c1 z^-1 + ...: whether all zeros lie inside the unit circle.
+fn schur(mut c: Vec<f64>) -> bool {
+    while c.len() > 1 {
+        let reflection = c[c.len() - 1] / c[0];
+        if reflection.is_nan() || reflection.abs() >= 1.0 {
+            return false;
+        }
+        let last = c.len() - 1;
+        c = (0..last).map(|i| c[i] - reflection * c[last - i]).collect();
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const PAPER: LoopPlant = LoopPlant { gain_bar_per_ma: 0.04, lag_s: 0.01, delay_s: 0.04 };
+    const GAINS: Gains = Gains { kp_ma_per_bar: 1.0, ki_ma_per_bar_s: 5.0 };
+
+    #[test]
+    fn schur_on_known_polynomials() {
+        assert!(schur(vec![1.0, -1.5, 0.7]));
+        assert!(!schur(vec![1.0, -2.0, 1.0]));
+        assert!(!schur(vec![1.0, -0.5, 1.2]));
+        assert!(schur(vec![1.0]));
+    }
+
+    #[test]
+    fn an_integrator_behind_one_period_is_stable_below_gain_one() {
+        // L = K T z^-1 / (1 - z^-1) with the whole dead time in the computation and the hold: here z^-2, limit K T = 1.
+        let plant = LoopPlant { gain_bar_per_ma: 1.0, lag_s: 0.0, delay_s: 0.0 };
+        let closed = |ki: f64| SampledLoop::new(&plant, Gains { kp_ma_per_bar: 0.0, ki_ma_per_bar_s: ki }, 1.0);
+        // A zero delay without lag passes at once, so one period of computation gives z^-1: 1 - z^-1 + K z^-1, limit K = 2.
+        assert!(closed(1.99).stable());
+        assert!(!closed(2.01).stable());
+        assert!((closed(1.0).margins().gain_margin_db.unwrap() - 20.0 * 2f64.log10()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_fast_loop_tends_to_the_continuous_one() {
+        let exact = super::super::exact::margins(&PAPER, GAINS);
+        let fast = SampledLoop::new(&PAPER, GAINS, 20_000.0).margins();
+        assert!((fast.gain_margin_db.unwrap() - exact.gain_margin_db.unwrap()).abs() < 0.02, "{fast:?}");
+        assert!((fast.phase_margin_deg.unwrap() - exact.phase_margin_deg.unwrap()).abs() < 0.01);
+        assert!((fast.max_sensitivity.unwrap() - exact.max_sensitivity.unwrap()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn sampling_costs_margin() {
+        let exact = super::super::exact::margins(&PAPER, GAINS);
+        let sampled = SampledLoop::new(&PAPER, GAINS, 100.0).margins();
+        assert!(sampled.stable);
+        assert!(sampled.gain_margin_db.unwrap() < exact.gain_margin_db.unwrap());
+        assert!(sampled.phase_margin_deg.unwrap() < exact.phase_margin_deg.unwrap());
+    }
+
+    #[test]
+    fn the_response_equals_a_simulated_step() {
+        // Sampled plant with fractional delay against the closed form of the lag at the sampling instants.
+        let plant = LoopPlant { gain_bar_per_ma: 1.0, lag_s: 0.013, delay_s: 0.0234 };
+        let sampled = SampledLoop::new(&plant, Gains { kp_ma_per_bar: 1.0, ki_ma_per_bar_s: 0.0 }, 100.0);
+        let mut out: Vec<f64> = Vec::new();
+        for n in 0..30usize {
+            let input: f64 = sampled.numerator.iter().enumerate().filter(|(j, _)| *j <= n).map(|(_, c)| c).sum();
+            let last = if n > 0 { -sampled.denominator[1] * out[n - 1] } else { 0.0 };
+            out.push(input + last);
+            let elapsed = n as f64 * 0.01 - 0.0234 - 0.01;
+            let truth = if elapsed > 0.0 { 1.0 - (-elapsed / 0.013).exp() } else { 0.0 };
+            assert!((out[n] - truth).abs() < 1e-12, "sample {n}: {} against {truth}", out[n]);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_gain_margin_leads_to_the_boundary(kp in 0.0..15.0f64, ki in 0.5..300.0f64, td in 0.0..0.08f64, tau in 0.0..0.05f64) {
+            let plant = LoopPlant { gain_bar_per_ma: 0.04, lag_s: tau, delay_s: td };
+            let closed = |f: f64| SampledLoop::new(&plant, Gains { kp_ma_per_bar: kp * f, ki_ma_per_bar_s: ki * f }, 100.0);
+            let found = closed(1.0).margins();
+            if let (true, Some(db)) = (found.stable, found.gain_margin_db) {
+                let factor = 10f64.powf(db / 20.0);
+                prop_assert!(closed(factor * 0.999).stable());
+                prop_assert!(!closed(factor * 1.001).stable());
+            }
+        }
+    }
+}

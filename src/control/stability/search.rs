@@ -1,0 +1,42 @@
+//! One-dimensional searches: a bracketed root and a bracketed maximum.
+
+/// The root of `f` in `[low, high]`, whose ends have opposite signs, to the last bits by bisection.
+pub fn bisect(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    let sign = f(low) > 0.0;
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        if (f(middle) > 0.0) == sign { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// The largest value of `f` on the ascending grid, refined by golden section around the best grid point.
+pub fn maximum(f: impl Fn(f64) -> f64, grid: &[f64]) -> Option<f64> {
+    let values: Vec<f64> = grid.iter().map(|x| f(*x)).collect();
+    let best = (0..grid.len()).max_by(|a, b| values[*a].total_cmp(&values[*b]))?;
+    let (mut low, mut high) = (grid[best.saturating_sub(1)], grid[(best + 1).min(grid.len() - 1)]);
+    const SECTION: f64 = 0.618_033_988_749_894_8;
+    let (mut left, mut right) = (high - SECTION * (high - low), low + SECTION * (high - low));
+    let (mut at_left, mut at_right) = (f(left), f(right));
+    for _ in 0..60 {
+        if at_left > at_right {
+            (high, right, at_right) = (right, left, at_left);
+            left = high - SECTION * (high - low);
+            at_left = f(left);
+        } else {
+            (low, left, at_left) = (left, right, at_right);
+            right = low + SECTION * (high - low);
+            at_right = f(right);
+        }
+    }
+    Some(values[best].max(at_left).max(at_right))
+}
+
+/// `count` frequencies from `low` to `high` in equal ratios.
+pub fn logarithmic(low: f64, high: f64, count: usize) -> Vec<f64> {
+    let ratio = (high / low).ln() / (count - 1) as f64;
+    (0..count).map(|i| low * (ratio * i as f64).exp()).collect()
+}
