@@ -109,7 +109,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const LIMIT: Limit = Limit { min: Some(0.0), max: Some(1.0), marginal_min: Some(0.1), marginal_max: Some(0.8), bound: Bound::Inclusive };
+    const LIMIT: Limit =
+        Limit { min: Some(0.0), max: Some(1.0), marginal_min: Some(0.1), marginal_max: Some(0.8), bound: Bound::Inclusive };
 
     #[test]
     fn verdicts_on_and_around_the_bounds() {

@@ -170,8 +170,9 @@ mod tests {
                 let scaled = |db: f64| { let f = 10f64.powf(db / 20.0); Gains { kp_ma_per_bar: kp * f, ki_ma_per_bar_s: ki * f } };
                 prop_assert!(margins(&plant, scaled(gain - 0.01)).stable);
                 prop_assert!(!margins(&plant, scaled(gain + 0.01)).stable);
-                prop_assert!(margins(&LoopPlant { delay_s: td + delay * 0.999, ..plant }, gains).stable);
-                prop_assert!(!margins(&LoopPlant { delay_s: td + delay * 1.001, ..plant }, gains).stable);
+                let delayed = |by: f64| margins(&LoopPlant { delay_s: td + by, ..plant }, gains);
+                prop_assert!(delayed(delay * 0.999).stable);
+                prop_assert!(!delayed(delay * 1.001).stable);
             }
         }
 

@@ -144,7 +144,10 @@ pub fn margins(plant: &LoopPlant, delay_range_s: (f64, f64), gains: Gains, rate_
         },
         routh: {
             let limits = routh::limits(plant, gains.kp_ma_per_bar);
-            RouthLimits { kp_max_ma_per_bar: limits.kp_max_ma_per_bar.map(digits), ki_max_ma_per_bar_s: limits.ki_max_ma_per_bar_s.map(digits) }
+            RouthLimits {
+                kp_max_ma_per_bar: limits.kp_max_ma_per_bar.map(digits),
+                ki_max_ma_per_bar_s: limits.ki_max_ma_per_bar_s.map(digits),
+            }
         },
         gain_margin_db: nominal.gain_margin_db.map(digits),
         phase_margin_deg: nominal.phase_margin_deg.map(digits),
@@ -165,7 +168,8 @@ fn worst(plant: &LoopPlant, delay_range_s: (f64, f64), gains: Gains, rate_hz: f6
         (exact::margins(&plant, gains), SampledLoop::new(&plant, gains, rate_hz).margins())
     };
     let (exact, sampled): (Vec<_>, Vec<_>) = delays(delay_range_s).into_iter().map(at).unzip();
-    let least = |of: &[FrequencyMargins], pick: fn(&FrequencyMargins) -> Option<f64>| of.iter().filter_map(pick).min_by(f64::total_cmp).map(digits);
+    let least =
+        |of: &[FrequencyMargins], pick: fn(&FrequencyMargins) -> Option<f64>| of.iter().filter_map(pick).min_by(f64::total_cmp).map(digits);
     let stable = |of: &[FrequencyMargins]| of.iter().all(|m| m.stable);
     let largest = |of: &[FrequencyMargins]| {
         let all: Option<Vec<f64>> = of.iter().map(|m| m.max_sensitivity).collect();
