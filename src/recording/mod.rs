@@ -3,6 +3,19 @@
 //! A [`Recording`] holds one or more [`Run`]s; each run starts from its own initial state. Values are in the
 //! canonical units of [`crate::units`]; a value that was not recorded is NaN, never zero.
 
+mod clean;
+mod csv;
+mod error;
+mod mapping;
+mod source;
+
+use std::path::Path;
+
+pub use error::RecordingError;
+pub use mapping::{Mapping, Role};
+
+use crate::units::{self, Unit};
+
 /// The channels that `hil` knows, by the names of the recording format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Channel {
@@ -18,6 +31,38 @@ pub enum Channel {
     OilTemperature,
     /// `supply_bar`: supply pressure [bar].
     Supply,
+}
+
+impl Channel {
+    /// Number of channels.
+    pub const COUNT: usize = 6;
+    /// Every channel, in the order of the columns of a recording that is written.
+    pub const ALL: [Self; Self::COUNT] =
+        [Self::Current, Self::Pressure, Self::Target, Self::MeasuredCurrent, Self::OilTemperature, Self::Supply];
+
+    /// Name of the column.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Current => "current_a",
+            Self::Pressure => "pressure_bar",
+            Self::Target => "target_bar",
+            Self::MeasuredCurrent => "current_meas_a",
+            Self::OilTemperature => "oil_temp_c",
+            Self::Supply => "supply_bar",
+        }
+    }
+    /// Unit that its values are kept in.
+    pub fn unit(self) -> &'static Unit {
+        match self {
+            Self::Current | Self::MeasuredCurrent => &units::CURRENT,
+            Self::Pressure | Self::Target | Self::Supply => &units::PRESSURE,
+            Self::OilTemperature => &units::TEMPERATURE,
+        }
+    }
+    /// Place in [`Channel::ALL`].
+    pub fn index(self) -> usize {
+        self as usize
+    }
 }
 
 /// One run: samples from its own start.
@@ -52,7 +97,93 @@ pub struct Recording {
     pub notes: Vec<String>,
 }
 
+impl Recording {
+    /// Reads a recording; the format follows from the extension.
+    ///
+    /// Columns bear the names of [`Channel::name`] beside `time_s` and `run`, or are taken by `map`. What is
+    /// handled (gaps, rounded or repeated times, a cut last line) is said in [`Recording::notes`].
+    ///
+    /// # Errors
+    /// What cannot be read is refused with its line or row and its column, see [`RecordingError`].
+    pub fn read(path: &Path, map: &[Mapping]) -> Result<Self, RecordingError> {
+        let file = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        let rows = match extension.as_str() {
+            "csv" | "tsv" | "txt" => csv::read(path, &file, map)?,
+            _ => return Err(RecordingError::UnknownFormat { path: path.into(), extension }),
+        };
+        clean::recording(rows)
+    }
+
+    /// Reads a recording from text in memory, see [`Recording::read`]; `source` names it in messages.
+    pub fn from_csv(text: impl AsRef<[u8]>, source: &str, map: &[Mapping]) -> Result<Self, RecordingError> {
+        let bytes = text.as_ref();
+        clean::recording(csv::read_from(bytes, bytes.len() as u64, Path::new(source), source, map)?)
+    }
+
+    /// Whether any run holds the channel.
+    pub fn has(&self, channel: Channel) -> bool {
+        self.runs.iter().any(|run| run.channel(channel).is_some())
+    }
+}
+
 impl Run {
+    /// The values of a channel, `None` where the file has no such channel.
+    pub fn channel(&self, channel: Channel) -> Option<&[f64]> {
+        match channel {
+            Channel::Current => Some(&self.current_a),
+            Channel::Pressure => self.pressure_bar.as_deref(),
+            Channel::Target => self.target_bar.as_deref(),
+            Channel::MeasuredCurrent => self.current_meas_a.as_deref(),
+            Channel::OilTemperature => self.oil_temp_c.as_deref(),
+            Channel::Supply => self.supply_bar.as_deref(),
+        }
+    }
+    /// Sets the values of a channel; a current that is taken away leaves an empty channel.
+    pub fn set(&mut self, channel: Channel, values: Option<Vec<f64>>) {
+        match channel {
+            Channel::Current => self.current_a = values.unwrap_or_default(),
+            Channel::Pressure => self.pressure_bar = values,
+            Channel::Target => self.target_bar = values,
+            Channel::MeasuredCurrent => self.current_meas_a = values,
+            Channel::OilTemperature => self.oil_temp_c = values,
+            Channel::Supply => self.supply_bar = values,
+        }
+    }
+    /// Whether a channel never changes over the values that it holds; false where it holds none.
+    pub fn is_constant(&self, channel: Channel) -> bool {
+        let Some(values) = self.channel(channel) else { return false };
+        let mut finite = values.iter().filter(|v| v.is_finite());
+        finite.next().is_some_and(|first| finite.all(|v| v == first))
+    }
+    /// Every vector of the run, time first.
+    fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let optional = [&mut self.pressure_bar, &mut self.target_bar, &mut self.current_meas_a, &mut self.oil_temp_c, &mut self.supply_bar];
+        [&mut self.time_s, &mut self.current_a].into_iter().chain(optional.into_iter().flatten())
+    }
+    /// Keeps the samples that `keep` marks.
+    fn retain(&mut self, keep: &[bool]) {
+        for values in self.columns_mut() {
+            let mut marks = keep.iter();
+            values.retain(|_| marks.next().copied().unwrap_or(true));
+        }
+    }
+    /// Cuts the run at a sample and returns what stands behind it.
+    fn split_off(&mut self, sample: usize) -> Self {
+        let mut behind = Self { name: self.name.clone(), time_s: self.time_s.split_off(sample), ..Self::default() };
+        for channel in Channel::ALL {
+            let cut = match channel {
+                Channel::Current => Some(self.current_a.split_off(sample)),
+                Channel::Pressure => self.pressure_bar.as_mut().map(|v| v.split_off(sample)),
+                Channel::Target => self.target_bar.as_mut().map(|v| v.split_off(sample)),
+                Channel::MeasuredCurrent => self.current_meas_a.as_mut().map(|v| v.split_off(sample)),
+                Channel::OilTemperature => self.oil_temp_c.as_mut().map(|v| v.split_off(sample)),
+                Channel::Supply => self.supply_bar.as_mut().map(|v| v.split_off(sample)),
+            };
+            behind.set(channel, cut);
+        }
+        behind
+    }
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.time_s.len()

@@ -1,0 +1,431 @@
+//! Recordings as text: CSV with a header, `#` comments, and what exporters make of it.
+//!
+//! The separator is the one that the header uses (`,` `;` or tab). Cells are numbers with a decimal point, or
+//! with a decimal comma where the comma does not separate. Lines are read one by one into columns, so a day at
+//! 100 Hz needs the memory of its columns and no more.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use super::mapping::Role;
+use super::source::{Rows, Source, Tally, resolve};
+use super::{Mapping, RecordingError};
+
+/// A line longer than this is no line of a recording.
+const LINE_LIMIT: u64 = 1 << 20;
+
+pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
+    let handle = File::open(path).map_err(RecordingError::io(path))?;
+    let size = handle.metadata().map_or(0, |m| m.len());
+    read_from(BufReader::with_capacity(1 << 18, handle), size, path, file, map)
+}
+
+/// Lines with their numbers, without their ends.
+struct Lines<R> {
+    input: R,
+    buffer: Vec<u8>,
+    number: usize,
+    /// Whether the last line read had an end.
+    ended: bool,
+}
+
+impl<R: BufRead> Lines<R> {
+    /// Reads the next line that is neither empty nor a comment into `buffer`; false at the end of the file.
+    fn next(&mut self, path: &Path, file: &str) -> Result<bool, RecordingError> {
+        loop {
+            self.buffer.clear();
+            let read = self.input.by_ref().take(LINE_LIMIT).read_until(b'\n', &mut self.buffer).map_err(RecordingError::io(path))?;
+            if read == 0 {
+                return Ok(false);
+            }
+            self.number += 1;
+            if read as u64 == LINE_LIMIT {
+                return Err(row_error(file, self.number, "the line is longer than a megabyte: this is no text of comma-separated values"));
+            }
+            self.ended = self.buffer.last() == Some(&b'\n');
+            while matches!(self.buffer.last(), Some(b'\n' | b'\r')) {
+                self.buffer.pop();
+            }
+            if self.number == 1 {
+                match self.buffer.as_slice() {
+                    [0xEF, 0xBB, 0xBF, ..] => drop(self.buffer.drain(..3)),
+                    [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => {
+                        return Err(RecordingError::format(file, "the text is UTF-16; save it as UTF-8"));
+                    }
+                    _ => {}
+                }
+            }
+            let start = self.buffer.iter().position(|b| !b.is_ascii_whitespace());
+            if start.is_some_and(|at| self.buffer[at] != b'#') {
+                return Ok(true);
+            }
+        }
+    }
+}
+
+fn row_error(file: &str, line: usize, what: impl ToString) -> RecordingError {
+    RecordingError::Row { file: file.into(), place: format!("line {line}"), what: what.to_string() }
+}
+
+/// Splits a line at `separator`; a cell in double quotes may hold it.
+fn split(line: &[u8], separator: u8, cells: &mut Vec<(usize, usize)>) {
+    cells.clear();
+    let (mut start, mut quoted) = (0, false);
+    for (at, &byte) in line.iter().enumerate() {
+        if byte == separator && !quoted {
+            cells.push((start, at));
+            start = at + 1;
+        } else if byte == b'"' {
+            quoted = !quoted;
+        }
+    }
+    cells.push((start, line.len()));
+}
+
+/// A cell without surrounding space and quotes.
+fn bare(cell: &[u8]) -> &[u8] {
+    let cell = cell.trim_ascii();
+    match cell {
+        [b'"', inner @ .., b'"'] => inner.trim_ascii(),
+        _ => cell,
+    }
+}
+
+/// What a cell of a number holds.
+enum Cell {
+    Number(f64),
+    /// A number with a decimal comma.
+    CommaNumber(f64),
+    Gap,
+    Infinite,
+    Other,
+}
+
+fn number(cell: &[u8]) -> Cell {
+    let Ok(text) = std::str::from_utf8(cell) else { return Cell::Other };
+    // `parse` also takes "nan", "inf" and "infinity" in any case.
+    if let Ok(value) = text.parse::<f64>() {
+        return match value {
+            v if v.is_finite() => Cell::Number(v),
+            v if v.is_nan() => Cell::Gap,
+            _ => Cell::Infinite,
+        };
+    }
+    if text.is_empty() || ["na", "n/a", "#n/a", "null", "none", "-", "--"].iter().any(|gap| text.eq_ignore_ascii_case(gap)) {
+        return Cell::Gap;
+    }
+    if text.bytes().filter(|b| *b == b',').count() == 1 && !text.contains('.') {
+        if let Ok(value) = text.replace(',', ".").parse::<f64>() {
+            return if value.is_finite() { Cell::CommaNumber(value) } else { Cell::Infinite };
+        }
+    }
+    Cell::Other
+}
+
+fn header(line: &[u8], file: &str, at: usize) -> Result<(u8, Vec<String>), RecordingError> {
+    let mut cells = Vec::new();
+    let mut count = |separator: u8| {
+        split(line, separator, &mut cells);
+        cells.len()
+    };
+    // The most frequent one; a name may hold a comma where `;` or a tab separates.
+    let separator = [b';', b'\t', b','].into_iter().rev().max_by_key(|s| count(*s)).unwrap_or(b',');
+    split(line, separator, &mut cells);
+    if line.contains(&b'\r') {
+        return Err(row_error(file, at, "a carriage return stands within the line; lines end with LF or CR LF"));
+    }
+    if cells.iter().all(|c| matches!(number(bare(&line[c.0..c.1])), Cell::Number(_) | Cell::Gap)) {
+        return Err(row_error(file, at, "the first line holds no names; a header is wanted, for instance time_s,current_a,pressure_bar"));
+    }
+    let name = |c: &(usize, usize)| String::from_utf8_lossy(bare(&line[c.0..c.1])).replace("\"\"", "\"");
+    Ok((separator, cells.iter().map(name).collect()))
+}
+
+pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
+    let mut lines = Lines { input, buffer: Vec::new(), number: 0, ended: true };
+    if !lines.next(path, file)? {
+        return Err(RecordingError::format(file, "the file is empty; a header is wanted, for instance time_s,current_a,pressure_bar"));
+    }
+    let (separator, mut names) = header(&lines.buffer, file, lines.number)?;
+    let mut sources = resolve(file, &names, map, false)?;
+    let mut rows = Rows::new(file, &sources, true);
+    let needed = sources.iter().map(|s| s.column + 1).max().unwrap_or(0);
+    // A separator at the end of every line makes a last column without a name.
+    if names.last().is_some_and(String::is_empty) {
+        names.pop();
+    }
+
+    let mut cells = Vec::new();
+    let (mut short, mut commas, mut infinite, mut units) = (Tally::default(), Tally::default(), Tally::default(), None);
+    let mut cut: Option<String> = None;
+    let mut previous_decimals = 0;
+    let mut run_name: Vec<u8> = Vec::new();
+    while lines.next(path, file)? {
+        let line = &lines.buffer;
+        split(line, separator, &mut cells);
+        let row = rows.time_s.len();
+        if row == 1 {
+            // One row is enough to guess the rest from, so that columns do not grow by doubling.
+            let guess = (size / (line.len() as u64 + 1)) as usize + (1 << 10);
+            let reserve = |values: &mut Vec<f64>| drop(values.try_reserve_exact(guess));
+            reserve(&mut rows.time_s);
+            rows.channels.iter_mut().flatten().for_each(reserve);
+        }
+        if cells.len() > names.len() && cells[names.len()..].iter().any(|c| !line[c.0..c.1].trim_ascii().is_empty()) {
+            let hint = if separator == b',' { " (with decimal commas, separate the cells by `;`)" } else { "" };
+            return Err(row_error(file, lines.number, format!("{} cells where the header has {}{hint}", cells.len(), names.len())));
+        }
+        if !lines.ended && cells.len() < names.len() {
+            cut = Some(format!("the last line is cut: {} of {} cells; dropped (line {})", cells.len(), names.len(), lines.number));
+            break;
+        }
+        if cells.len() < needed {
+            short.add(|| format!("line {}", lines.number));
+            continue;
+        }
+        if row == 0
+            && units.is_none()
+            && let Some(found) = unit_line(line, &cells, &mut sources)
+        {
+            units = Some(format!("line {} holds units and no values: {found}", lines.number));
+            continue;
+        }
+        for source in &sources {
+            let (from, to) = cells[source.column];
+            let cell = bare(&line[from..to]);
+            let Some(values) = rows.values(source.role) else {
+                if row == 0 || cell != run_name {
+                    run_name = cell.to_vec();
+                    let name = String::from_utf8_lossy(cell).replace("\"\"", "\"");
+                    rows.segments.push(((!name.is_empty()).then_some(name), row));
+                }
+                continue;
+            };
+            let value = match number(cell) {
+                Cell::Number(value) => value,
+                Cell::CommaNumber(value) => {
+                    commas.add(|| format!("line {}", lines.number));
+                    value
+                }
+                Cell::Gap => f64::NAN,
+                Cell::Infinite => {
+                    infinite.add(|| format!("line {}", lines.number));
+                    f64::NAN
+                }
+                Cell::Other if !lines.ended => {
+                    cut = Some(format!("the last line is cut within a number; dropped (line {})", lines.number));
+                    f64::NAN
+                }
+                Cell::Other => {
+                    return Err(RecordingError::Cell {
+                        file: file.into(),
+                        place: format!("line {}", lines.number),
+                        number: source.column + 1,
+                        column: names.get(source.column).cloned().unwrap_or_default(),
+                        what: format!("`{}` is not a number; allowed: a number, or an empty cell or NaN for a gap", shown(cell)),
+                    });
+                }
+            };
+            values.push(value * source.scale + source.offset);
+        }
+        rows.places.put(row, lines.number);
+        let (from, to) = cells[names.len().min(cells.len()) - 1];
+        let decimals = decimals(&line[from..to]);
+        if !lines.ended {
+            last_line(&mut rows, &sources, names.len() - 1, decimals < previous_decimals, lines.number, &mut cut);
+        }
+        previous_decimals = decimals;
+    }
+    if short.count > 3 && short.count * 100 > rows.time_s.len() {
+        let first = short.first.unwrap_or_default();
+        return Err(RecordingError::format(file, format!("{} lines have fewer cells than the header (first: {first})", short.count)));
+    }
+    rows.notes.extend(units);
+    rows.notes.extend(commas.note("number has", "numbers have", "a decimal comma"));
+    rows.notes.extend(short.note("line", "lines", "with too few cells: dropped"));
+    rows.notes.extend(infinite.note("infinite value", "infinite values", "taken as gaps"));
+    rows.notes.extend(cut);
+    Ok(rows)
+}
+
+/// A last line without its end may be cut within its last number: that number is then no measurement.
+fn last_line(rows: &mut Rows, sources: &[Source], last: usize, shorter: bool, line: usize, cut: &mut Option<String>) {
+    let row = rows.time_s.len() - 1;
+    let doubtful = sources.iter().find(|s| s.column == last && shorter).map(|s| s.role);
+    match doubtful {
+        Some(role @ Role::Channel(_)) if cut.is_none() => {
+            if let Some(value) = rows.values(role).and_then(|v| v.last_mut()) {
+                *value = f64::NAN;
+            }
+            *cut = Some(format!("the last line has no end and its last number may be cut: taken as a gap (line {line})"));
+        }
+        None if cut.is_none() => {}
+        _ => {
+            rows.time_s.truncate(row);
+            rows.channels.iter_mut().flatten().for_each(|v| v.truncate(row));
+            while rows.segments.last().is_some_and(|s| s.1 >= row && row > 0) {
+                rows.segments.pop();
+            }
+            cut.get_or_insert_with(|| format!("the last line has no end and may be cut: dropped (line {line})"));
+        }
+    }
+}
+
+/// Takes the units from a line below the header (`s,mA,bar`) that holds not one number.
+///
+/// A channel whose mapping names a unit or a factor keeps that.
+fn unit_line(line: &[u8], cells: &[(usize, usize)], sources: &mut [Source]) -> Option<String> {
+    let mut found = Vec::new();
+    for (at, source) in sources.iter().enumerate().filter(|s| s.1.role != Role::Run) {
+        let (from, to) = cells[source.column];
+        let cell = bare(&line[from..to]);
+        match number(cell) {
+            Cell::Number(_) | Cell::CommaNumber(_) | Cell::Infinite => return None,
+            Cell::Gap => {}
+            Cell::Other => {
+                let text = String::from_utf8_lossy(cell);
+                let unit = text.trim_matches(|c: char| "[]() ".contains(c)).to_string();
+                found.push((at, source.role.conversion(&unit).ok()?, unit));
+            }
+        }
+    }
+    let mut said = Vec::new();
+    for (at, (scale, offset), unit) in found {
+        let source = &mut sources[at];
+        if source.bare {
+            (source.scale, source.offset) = (scale, offset);
+            said.push(format!("{} in {unit}", source.role.name()));
+        } else {
+            said.push(format!("{} as mapped, not in {unit}", source.role.name()));
+        }
+    }
+    (!said.is_empty()).then(|| said.join(", "))
+}
+
+/// Digits behind the decimal point.
+fn decimals(cell: &[u8]) -> usize {
+    let cell = bare(cell);
+    cell.iter().rposition(|b| matches!(b, b'.' | b',')).map_or(0, |at| cell.len() - at - 1)
+}
+
+/// The start of a cell, for a message.
+fn shown(cell: &[u8]) -> String {
+    let text = String::from_utf8_lossy(cell);
+    let short: String = text.chars().take(40).collect();
+    if short.len() < text.len() { format!("{short}...") } else { short }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::recording::{Channel, Mapping, Recording};
+
+    fn read(text: &str) -> Recording {
+        Recording::from_csv(text, "x.csv", &[]).unwrap()
+    }
+    fn mapped(text: &str, map: &[&str]) -> Recording {
+        let map: Vec<Mapping> = map.iter().map(|m| Mapping::parse(m).unwrap()).collect();
+        Recording::from_csv(text, "x.csv", &map).unwrap()
+    }
+    fn refusal(text: &str) -> String {
+        Recording::from_csv(text, "x.csv", &[]).unwrap_err().to_string()
+    }
+
+    const PLAIN: &str = "time_s,current_a,pressure_bar\n0,0.1,1.5\n0.01,0.2,2.5\n0.02,0.3,3.5\n";
+
+    #[test]
+    fn a_plain_file() {
+        let recording = read(PLAIN);
+        assert_eq!(recording.notes, Vec::<String>::new());
+        let [run] = recording.runs.as_slice() else { panic!("one run") };
+        assert_eq!((run.name.as_deref(), &run.time_s[..], &run.current_a[..]), (None, &[0.0, 0.01, 0.02][..], &[0.1, 0.2, 0.3][..]));
+        assert_eq!(run.pressure_bar.as_deref(), Some(&[1.5, 2.5, 3.5][..]));
+        assert_eq!(run.channel(Channel::Supply), None);
+    }
+
+    #[test]
+    fn exporters_habits_change_nothing() {
+        let plain = read(PLAIN);
+        let crlf = PLAIN.replace('\n', "\r\n");
+        let semicolons = PLAIN.replace(',', ";").replace('.', ",");
+        for text in [
+            crlf.clone(),
+            format!("\u{feff}{crlf}"),
+            PLAIN.replace('\n', "\n\n"),
+            format!("# a bench\n\n{}# end\n", PLAIN.replace('\n', "\n# c\n")),
+            PLAIN.replace(',', "\t"),
+            PLAIN.replace(',', " , "),
+            PLAIN.replace('\n', ",\n"),
+            PLAIN.trim_end().to_string(),
+            PLAIN.replace("current_a", "\"current_a\"").replace("0.2", "\"0.2\""),
+        ] {
+            assert_eq!(read(&text), plain, "{text:?}");
+        }
+        let recording = read(&semicolons);
+        assert_eq!(recording.runs, plain.runs);
+        assert_eq!(recording.notes, ["8 numbers have a decimal comma (first: line 2)"]);
+        let quoted = "time_s,current_a,pressure_bar\n0,\"0,1\",\"1,5\"\n\"0,01\",\"0,2\",\"2,5\"\n\"0,02\",\"0,3\",\"3,5\"\n";
+        assert_eq!(read(quoted).runs, plain.runs);
+    }
+
+    #[test]
+    fn foreign_channels_are_taken_and_converted() {
+        let text = "t [ms];I_cmd [mA];Druck / bar;duty\n0;100;1.5;10\n10;200;2.5;20\n20;300;3.5;30\n";
+        let expected = read(PLAIN).runs;
+        let close = |recording: Recording| {
+            let run = &recording.runs[0];
+            run.time_s.iter().zip(&expected[0].time_s).all(|(a, b)| (a - b).abs() < 1e-12)
+                && run.current_a.iter().zip(&expected[0].current_a).all(|(a, b)| (a - b).abs() < 1e-12)
+                && run.pressure_bar == expected[0].pressure_bar
+        };
+        assert!(close(mapped(text, &["time_s=t [ms]", "current_a=I_cmd [mA]", "pressure_bar=\"Druck / bar\""])));
+        assert!(close(mapped(text, &["time_s=t [ms]", "current_a=0.01 * duty", "pressure_bar='Druck / bar' [bar]"])));
+    }
+
+    #[test]
+    fn a_line_of_units_below_the_header_counts() {
+        let recording = read("time_s,current_a,pressure_bar\n[ms],mA,bar\n0,100,1.5\n10,200,2.5\n20,300,3.5\n");
+        assert_eq!(recording.notes, ["line 2 holds units and no values: time_s in ms, current_a in mA, pressure_bar in bar"]);
+        assert!((recording.runs[0].current_a[1] - 0.2).abs() < 1e-12 && (recording.runs[0].time_s[1] - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn empty_cells_and_nan_are_gaps_and_never_zeros() {
+        let recording = read("time_s,current_a,pressure_bar\n0,0.1,\n1,NaN,2\n2,0.3,n/a\n3,0.4,inf\n4,0.5,3\n");
+        let run = &recording.runs[0];
+        assert!(run.current_a[1].is_nan());
+        let pressure = run.pressure_bar.as_ref().unwrap();
+        assert_eq!(pressure.iter().map(|p| p.is_nan()).collect::<Vec<_>>(), [true, false, true, true, false]);
+        insta::assert_snapshot!(recording.notes.join("\n"), @r"
+        1 infinite value taken as gaps (line 5)
+        current_a: 1 value missing (line 3)
+        pressure_bar: 3 values missing (first: line 2)
+        ");
+    }
+
+    #[test]
+    fn a_cut_last_line_is_no_measurement() {
+        let cut = |text: &str| {
+            let recording = read(text);
+            (recording.runs[0].len(), recording.notes.join("; "))
+        };
+        assert_eq!(cut(&PLAIN[..PLAIN.len() - 6]), (2, "the last line is cut: 2 of 3 cells; dropped (line 4)".into()));
+        let (samples, note) = cut(&PLAIN[..PLAIN.len() - 2]);
+        assert_eq!(samples, 3);
+        insta::assert_snapshot!(note, @"the last line has no end and its last number may be cut: taken as a gap (line 4); pressure_bar: 1 value missing (line 4)");
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_refused_with_line_and_column() {
+        insta::assert_snapshot!(refusal(""), @"x.csv: the file is empty; a header is wanted, for instance time_s,current_a,pressure_bar");
+        insta::assert_snapshot!(refusal("0,1,2\n"), @"x.csv: line 1: the first line holds no names; a header is wanted, for instance time_s,current_a,pressure_bar");
+        insta::assert_snapshot!(refusal("time_s,current_a\n"), @"x.csv: there is no row of values");
+        insta::assert_snapshot!(refusal("time_s,I\n0,1\n"), @r#"x.csv: no column `current_a` (a foreign name is taken by --map current_a="I_cmd [mA]"); the file has: `time_s`, `I`"#);
+        insta::assert_snapshot!(refusal("time_s,curent_a\n0,1\n"), @"x.csv: no column `current_a` (did you mean `curent_a`?); the file has: `time_s`, `curent_a`");
+        insta::assert_snapshot!(refusal("time_s,current_a,current_a\n0,1,1\n"), @"x.csv: the column `current_a` is there twice (columns 2 and 3)");
+        insta::assert_snapshot!(refusal("# c\ntime_s,current_a\n0,1\n1,ERR\n2,1\n"), @"x.csv: line 4, column 2 (`current_a`): `ERR` is not a number; allowed: a number, or an empty cell or NaN for a gap");
+        insta::assert_snapshot!(refusal("time_s,current_a\n0,0,1,5\n"), @"x.csv: line 2: 4 cells where the header has 2 (with decimal commas, separate the cells by `;`)");
+        insta::assert_snapshot!(refusal("time_s,current_a\n0,\n1,\n"), @"x.csv: `current_a` holds no value at all");
+        insta::assert_snapshot!(refusal("\u{0}\u{0}\n"), @"x.csv: no column `time_s` (a foreign name is taken by --map time_s=\"t [ms]\"); the file has: `\0\0`");
+    }
+}
