@@ -115,10 +115,11 @@ fn number(cell: &[u8]) -> Cell {
     if text.is_empty() || ["na", "n/a", "#n/a", "null", "none", "-", "--"].iter().any(|gap| text.eq_ignore_ascii_case(gap)) {
         return Cell::Gap;
     }
-    if text.bytes().filter(|b| *b == b',').count() == 1 && !text.contains('.') {
-        if let Ok(value) = text.replace(',', ".").parse::<f64>() {
-            return if value.is_finite() { Cell::CommaNumber(value) } else { Cell::Infinite };
-        }
+    if text.bytes().filter(|b| *b == b',').count() == 1
+        && !text.contains('.')
+        && let Ok(value) = text.replace(',', ".").parse::<f64>()
+    {
+        return if value.is_finite() { Cell::CommaNumber(value) } else { Cell::Infinite };
     }
     Cell::Other
 }

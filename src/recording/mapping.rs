@@ -138,6 +138,9 @@ struct Affine {
     scaled: bool,
 }
 
+/// A column's name with its unit.
+type Named = (String, Option<String>);
+
 /// A reader of sums of terms `number`, `number * column`, `column * number`, `column / number`.
 struct Parser<'a> {
     text: &'a str,
@@ -180,7 +183,7 @@ impl Parser<'_> {
         if affine.column.is_empty() { Err("it names no column".into()) } else { Ok(affine) }
     }
 
-    fn term(&mut self) -> Result<(f64, Option<(String, Option<String>)>), String> {
+    fn term(&mut self) -> Result<(f64, Option<Named>), String> {
         let (mut number, mut column) = (1.0, None);
         let mut divide = false;
         loop {
