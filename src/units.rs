@@ -102,6 +102,11 @@ impl Unit {
         }
     }
 
+    /// The unit whose canonical symbol is `symbol`, for printing a figure that carries its unit as text.
+    pub fn by_symbol(symbol: &str) -> Option<&'static Unit> {
+        all_units().find(|u| u.symbol == symbol)
+    }
+
     /// `value` with the canonical unit and this unit's fixed number of decimals.
     pub fn print(&self, value: f64) -> String {
         let text = format!("{value:.*}", self.decimals);

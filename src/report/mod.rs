@@ -1,6 +1,18 @@
 //! Pure functions of a record: text, JSON, Markdown, JUnit, HTML. They format; they compute nothing.
 
+pub mod format;
+mod json;
+mod junit;
+mod markdown;
 mod page;
 pub mod plot;
+mod text;
 
+pub use json::{json, without_provenance};
+pub use junit::junit;
+pub use markdown::markdown;
 pub use page::page;
+pub use text::{COLUMNS, fold, text};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,165 @@
+//! The words that all reports share: a figure with its unit, a limit, a verdict, the margins of stability.
+
+use serde_json::Value;
+
+use crate::record::{LimitRecord, Measurement, Outcome, PhaseRecord, TestRecord};
+use crate::units::Unit;
+
+/// The outcome as it stands in the record: `PASS`, `NOT_RUN`.
+pub fn outcome(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Pass => "PASS",
+        Outcome::Marginal => "MARGINAL",
+        Outcome::NotRun => "NOT_RUN",
+        Outcome::Fail => "FAIL",
+        Outcome::Invalid => "INVALID",
+        Outcome::Error => "ERROR",
+        Outcome::Aborted => "ABORTED",
+    }
+}
+
+/// Verdict of a measurement; one without a limit was measured, but judged by nothing.
+pub fn verdict(measurement: &Measurement) -> &'static str {
+    match measurement.limit {
+        None if measurement.outcome == Outcome::NotRun => "no limit",
+        _ => outcome(measurement.outcome),
+    }
+}
+
+/// Verdict of a phase; one that ran without a limit is judged by nothing.
+pub fn phase_verdict(phase: &PhaseRecord) -> &'static str {
+    if phase.outcome == Outcome::NotRun && phase.span_s.is_some() { "no limit" } else { outcome(phase.outcome) }
+}
+
+/// A number in the fixed digits of `unit`, without the unit.
+pub fn number(value: f64, unit: &str) -> String {
+    let whole = unit == "1" && value == value.trunc();
+    let decimals = if whole { 0 } else { Unit::by_symbol(unit).map_or(4, |u| u.decimals) };
+    let text = format!("{value:.decimals$}");
+    // A rounded -0.000 and 0.000 are the same figure.
+    if text.starts_with('-') && text[1..].bytes().all(|b| b == b'0' || b == b'.') { text[1..].into() } else { text }
+}
+
+/// A number with its unit.
+pub fn quantity(value: f64, unit: &str) -> String {
+    if unit == "1" { number(value, unit) } else { format!("{} {unit}", number(value, unit)) }
+}
+
+/// The measured value, or a dash.
+pub fn value(measurement: &Measurement) -> String {
+    measurement.value.map_or_else(|| "-".into(), |v| quantity(v, &measurement.unit))
+}
+
+/// The limit with its unit: `<= 0.200 bar`, `0.100 .. 0.200 bar`; empty where there is none.
+pub fn limit(measurement: &Measurement) -> String {
+    let Some(limit) = &measurement.limit else { return String::new() };
+    let unit = if measurement.unit == "1" { String::new() } else { format!(" {}", measurement.unit) };
+    let print = |v: f64| number(v, &measurement.unit);
+    let equal = if limit.bound == "exclusive" { "" } else { "=" };
+    match (limit.min, limit.max) {
+        (Some(min), Some(max)) => format!("{} .. {}{unit}", print(min), print(max)),
+        (None, Some(max)) => format!("<{equal} {}{unit}", print(max)),
+        (Some(min), None) => format!(">{equal} {}{unit}", print(min)),
+        (None, None) => String::new(),
+    }
+}
+
+/// The edge of the warning band: `> 0.180 bar`; empty where there is none.
+pub fn warning(measurement: &Measurement) -> String {
+    let Some(LimitRecord { marginal_min, marginal_max, .. }) = measurement.limit else { return String::new() };
+    let edges = [marginal_min.map(|v| ("<", v)), marginal_max.map(|v| (">", v))];
+    let texts: Vec<String> = edges.into_iter().flatten().map(|(sign, v)| format!("{sign} {}", quantity(v, &measurement.unit))).collect();
+    texts.join(", ")
+}
+
+/// The definition, which begins with the id of the metric.
+pub fn definition(measurement: &Measurement) -> String {
+    let id = measurement.metric.as_str();
+    if measurement.definition.starts_with(id) { measurement.definition.clone() } else { format!("{id}: {}", measurement.definition) }
+}
+
+/// From when to when a phase ran.
+pub fn span(phase: &PhaseRecord) -> String {
+    phase.span_s.map_or_else(|| "did not run".into(), |(from, to)| format!("{from:.3} .. {to:.3} s"))
+}
+
+/// How often each verdict fell among the measurements that have a limit, in the order of severity.
+pub fn tally(record: &TestRecord) -> String {
+    let judged = record.phases.iter().flat_map(|p| &p.measurements).filter(|m| m.limit.is_some());
+    let mut counts: Vec<(Outcome, usize)> = Vec::new();
+    for measurement in judged {
+        match counts.iter_mut().find(|c| c.0 == measurement.outcome) {
+            Some(count) => count.1 += 1,
+            None => counts.push((measurement.outcome, 1)),
+        }
+    }
+    counts.sort_unstable();
+    let texts: Vec<String> = counts.iter().map(|(o, n)| format!("{n} {}", outcome(*o))).collect();
+    if texts.is_empty() { "no measurement has a limit".into() } else { texts.join(", ") }
+}
+
+/// Simulated records say so wherever their verdict is shown.
+pub fn simulation_mark(record: &TestRecord) -> Option<&'static str> {
+    record.simulated.then_some("SIMULATION - the pressures come from a model, not from a valve")
+}
+
+/// One figure of the stability of the loop: name, printed value, remark.
+pub type MarginLine = (&'static str, String, String);
+
+/// The margins of the record, in the order in which they are read; a figure that does not exist is a dash.
+pub fn margins(stability: &Value) -> Vec<MarginLine> {
+    let get = |at: &str| stability.pointer(at).and_then(Value::as_f64);
+    let print = |at: &str, unit: &str| get(at).map_or_else(|| "-".into(), |v| quantity(v, unit));
+    let at = |place: &str| get(place).map_or_else(String::new, |v| format!("at {}", quantity(v, "rad/s")));
+    let mut lines = vec![
+        ("gain margin", print("/gain_margin_db", "dB"), at("/phase_crossover_rad_s")),
+        ("phase margin", print("/phase_margin_deg", "deg"), at("/gain_crossover_rad_s")),
+        ("delay margin", print("/delay_margin_s", "s"), String::new()),
+        ("maximum sensitivity", print("/max_sensitivity", "1"), String::new()),
+        ("K_P limit (Routh, Pade)", print("/routh/kp_max_ma_per_bar", "mA/bar"), String::new()),
+        ("K_I limit (Routh, Pade)", print("/routh/ki_max_ma_per_bar_s", "mA/(bar s)"), String::new()),
+    ];
+    if stability.pointer("/sampled").is_some_and(|v| !v.is_null()) {
+        let rate = get("/sampled/rate_hz").map_or_else(String::new, |v| format!("sampled at {}", quantity(v, "Hz")));
+        lines.push(("gain margin, sampled", print("/sampled/gain_margin_db", "dB"), rate.clone()));
+        lines.push(("phase margin, sampled", print("/sampled/phase_margin_deg", "deg"), rate));
+    }
+    if stability.pointer("/worst_over_delay_range").is_some_and(|v| !v.is_null()) {
+        let remark = "worst over the delay range".to_string();
+        lines.push(("gain margin, worst", print("/worst_over_delay_range/gain_margin_db", "dB"), remark.clone()));
+        lines.push(("phase margin, worst", print("/worst_over_delay_range/phase_margin_deg", "deg"), remark.clone()));
+        lines.push(("delay margin, worst", print("/worst_over_delay_range/delay_margin_s", "s"), remark.clone()));
+        lines.push(("max. sensitivity, worst", print("/worst_over_delay_range/max_sensitivity", "1"), remark));
+    }
+    lines
+}
+
+/// Whether the loop is stable, in words; `None` where the record does not say.
+pub fn stable(stability: &Value) -> Option<&'static str> {
+    stability.get("stable").and_then(Value::as_bool).map(|s| if s { "stable" } else { "UNSTABLE" })
+}
+
+/// The gains that the margins are for.
+pub fn gains(stability: &Value) -> Option<(f64, f64)> {
+    let get = |key: &str| stability.get(key).and_then(Value::as_f64);
+    Some((get("kp_ma_per_bar")?, get("ki_ma_per_bar_s")?))
+}
+
+/// The evidence of the run's timing: name and text.
+pub fn timing(record: &TestRecord) -> Vec<(&'static str, String)> {
+    let timing = &record.timing;
+    let micros = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{:.1} us", v * 1e6));
+    let mut lines = vec![("period", format!("{:.3} ms", timing.period_s * 1e3)), ("samples", timing.samples.to_string())];
+    if record.simulated && timing.lateness_max_s.is_none() {
+        lines.push(("lateness", "none: a simulation has no clock".into()));
+    } else {
+        let (p50, p99, max) = (micros(timing.lateness_p50_s), micros(timing.lateness_p99_s), micros(timing.lateness_max_s));
+        lines.push(("lateness", format!("median {p50}, 99 % {p99}, max {max}")));
+    }
+    if let Some((p50, p99, max)) = timing.round_trip_s {
+        lines.push(("round trip", format!("median {}, 99 % {}, max {}", micros(Some(p50)), micros(Some(p99)), micros(Some(max)))));
+    }
+    let counts = (timing.missed_slots, timing.lost_samples, timing.stale_samples);
+    lines.push(("missed, lost, stale", format!("{} slots, {} samples, {} samples", counts.0, counts.1, counts.2)));
+    lines
+}
