@@ -13,7 +13,7 @@ pub fn text(record: &TestRecord) -> String {
     let mut out = String::new();
     heading(&mut out, record);
     out.push('\n');
-    let _ = writeln!(out, "{:<35} {:>13}  {:<19} {}", "measurement", "value", "limit", "verdict");
+    let _ = writeln!(out, "{:<35} {:>13}  {:<19} verdict", "measurement", "value", "limit");
     rule(&mut out, '-');
     for phase in &record.phases {
         phase_lines(&mut out, phase);
