@@ -3,6 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+pub mod profile;
+
 /// How far a sample can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
