@@ -128,7 +128,7 @@ fn check_transport(c: &Context, t: &TransportFile) -> Result<Transport, ProfileE
     if !(0.0..=1.0).contains(&t.turnaround.value()) {
         return Err(c.error("transport.turnaround", "the answer time must be between 0 s and 1 s"));
     }
-    if line == !t.functions.is_empty() {
+    if line != t.functions.is_empty() {
         let message = if line { "a line driver has no Modbus functions" } else { "list the function codes that the device documents" };
         return Err(c.error("transport.functions", message));
     }
@@ -200,7 +200,7 @@ fn check_signal(c: &Context, name: SignalName, s: &SignalFile, transport: &Trans
     };
     let valid = s.valid.as_ref().map(window).transpose()?;
     for (k, w) in [("valid", valid), ("valid_raw", s.valid_raw)] {
-        if w.is_some_and(|(low, high)| !(low < high)) {
+        if w.is_some_and(|(low, high)| low.partial_cmp(&high) != Some(std::cmp::Ordering::Less)) {
             return Err(c.error(&key(k), "the first value must be below the second"));
         }
     }

@@ -19,11 +19,9 @@ pub use template::{NumberFormat, Piece, Template, crc16};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProfileError {
     /// The file cannot be read.
-    #[error("{file}: {reason}")]
+    #[error("{reason}")]
     Read {
-        /// The file.
-        file: String,
-        /// What the operating system says.
+        /// The file, and what the operating system says.
         reason: String,
     },
     /// No such profile.
@@ -35,11 +33,9 @@ pub enum ProfileError {
         known: String,
     },
     /// Not TOML, or not of the shape of a profile.
-    #[error("{file}: {message}")]
+    #[error("{message}")]
     Syntax {
-        /// The file.
-        file: String,
-        /// Line, column and what is expected.
+        /// File, line, column and what is expected.
         message: String,
     },
     /// A value that cannot be, or that does not fit the others.
@@ -264,14 +260,13 @@ impl Profile {
     /// Reads and checks a profile file.
     pub fn load(path: &Path) -> Result<Self, ProfileError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|e| ProfileError::Read { file: file.clone(), reason: e.to_string() })?;
+        let text = crate::document::read(path).map_err(|e| ProfileError::Read { reason: e.to_string() })?;
         Self::from_toml(&text, &file)
     }
 
     /// Reads and checks a profile from its text; `source_name` stands for the file in messages.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ProfileError> {
-        let file: ProfileFile = toml::from_str(text)
-            .map_err(|e| ProfileError::Syntax { file: source_name.into(), message: e.to_string().trim_end().into() })?;
+        let file: ProfileFile = crate::document::parse(text, source_name).map_err(|e| ProfileError::Syntax { message: e.to_string() })?;
         check::check(file, text, source_name)
     }
 

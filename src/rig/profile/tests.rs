@@ -95,11 +95,11 @@ fn what_does_not_fit_together_is_refused_with_line_and_key() {
 #[test]
 fn an_unknown_key_is_refused_where_it_stands() {
     insta::assert_snapshot!(message("baud = 230400", "bauds = 230400"), @"
-    p.toml: TOML parse error at line 15, column 1
+    unknown field `bauds`, expected one of `kind`, `unit`, `baud`, `parity`, `stop_bits`, `low_latency`, `local_echo`, `turnaround`, `functions`
+      --> p.toml:15:1
        |
     15 | bauds = 230400
        | ^^^^^
-    unknown field `bauds`, expected one of `kind`, `unit`, `baud`, `parity`, `stop_bits`, `low_latency`, `local_echo`, `turnaround`, `functions`
     ");
 }
 
