@@ -7,12 +7,17 @@ mod clean;
 mod csv;
 mod error;
 mod mapping;
+mod parquet;
 mod source;
+mod table;
+mod write;
 
 use std::path::Path;
 
 pub use error::RecordingError;
 pub use mapping::{Mapping, Role};
+pub use table::{Column, Values, write_parquet};
+pub use write::replace_file;
 
 use crate::units::{self, Unit};
 
@@ -97,6 +102,30 @@ pub struct Recording {
     pub notes: Vec<String>,
 }
 
+/// A file format of recordings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Text with a header: `.csv`, `.tsv`, `.txt`.
+    Csv,
+    /// Apache Parquet: `.parquet`, `.pq`.
+    Parquet,
+}
+
+impl Format {
+    /// The format that a file's extension names.
+    ///
+    /// # Errors
+    /// [`RecordingError::UnknownFormat`] with what is allowed.
+    pub fn of(path: &Path) -> Result<Self, RecordingError> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        match extension.as_str() {
+            "csv" | "tsv" | "txt" => Ok(Self::Csv),
+            "parquet" | "pq" => Ok(Self::Parquet),
+            _ => Err(RecordingError::UnknownFormat { path: path.into(), extension }),
+        }
+    }
+}
+
 impl Recording {
     /// Reads a recording; the format follows from the extension.
     ///
@@ -107,10 +136,9 @@ impl Recording {
     /// What cannot be read is refused with its line or row and its column, see [`RecordingError`].
     pub fn read(path: &Path, map: &[Mapping]) -> Result<Self, RecordingError> {
         let file = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
-        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        let rows = match extension.as_str() {
-            "csv" | "tsv" | "txt" => csv::read(path, &file, map)?,
-            _ => return Err(RecordingError::UnknownFormat { path: path.into(), extension }),
+        let rows = match Format::of(path)? {
+            Format::Csv => csv::read(path, &file, map)?,
+            Format::Parquet => parquet::read(path, &file, map)?,
         };
         clean::recording(rows)
     }

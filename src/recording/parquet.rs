@@ -1,0 +1,177 @@
+//! Recordings as Parquet: flat columns of numbers, null as gap, and the time also as a time stamp.
+
+use std::fs::File;
+use std::path::Path;
+
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::DataType;
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+
+use super::mapping::Role;
+use super::source::{Rows, Source, resolve};
+use super::{Mapping, RecordingError};
+
+/// Values taken from a column at a time.
+const BATCH: usize = 1 << 16;
+
+pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
+    let damaged = |e: ParquetError| RecordingError::format(file, e);
+    let handle = File::open(path).map_err(RecordingError::io(path))?;
+    let reader = SerializedFileReader::new(handle).map_err(damaged)?;
+    let metadata = reader.metadata();
+    let schema = metadata.file_metadata().schema_descr();
+    let names: Vec<String> = schema.columns().iter().map(|c| c.path().string()).collect();
+    let sources = resolve(file, &names, map, false)?;
+    let mut rows = Rows::new(file, &sources, false);
+
+    for source in &sources {
+        let column = schema.column(source.column);
+        let kind = Kind::of(&column).map_err(|what| cell_error(file, source, &names, 0, &what))?;
+        let mut first_stamp = None;
+        let mut row = 0;
+        for group in 0..reader.num_row_groups() {
+            let group = reader.get_row_group(group).map_err(damaged)?;
+            let expected = group.metadata().num_rows().max(0) as usize;
+            let column_reader = group.get_column_reader(source.column).map_err(damaged)?;
+            let levels = column.max_def_level();
+            let read = match (source.role, column_reader) {
+                (Role::Run, reader) => texts(reader, levels, |text| {
+                    let new = rows.segments.last().is_none_or(|s| s.0.as_deref() != Some(text).filter(|t| !t.is_empty()));
+                    if new {
+                        rows.segments.push(((!text.is_empty()).then(|| text.to_string()), row));
+                    }
+                    row += 1;
+                }),
+                (role, reader) => {
+                    let Some(values) = rows.values(role) else { continue };
+                    numbers(reader, levels, &kind, |value| {
+                        // Time stamps count from the first: seconds since 1970 leave too few digits for a step.
+                        let value = if kind.is_stamp() { value - *first_stamp.get_or_insert(value) } else { value };
+                        let value = value * kind.scale();
+                        values.push(if value.is_finite() { value * source.scale + source.offset } else { f64::NAN });
+                        row += 1;
+                    })
+                }
+            };
+            let count = read.map_err(damaged)?.ok_or_else(|| cell_error(file, source, &names, 0, "numbers are wanted"))?;
+            if count != expected {
+                return Err(RecordingError::format(
+                    file,
+                    format!("column `{}` has {count} values where {expected} are said", names[source.column]),
+                ));
+            }
+        }
+    }
+    let lengths = rows.channels.iter().flatten().map(Vec::len).chain([rows.time_s.len()]);
+    if lengths.clone().min() != lengths.max() {
+        return Err(RecordingError::format(file, "its columns are not equally long"));
+    }
+    Ok(rows)
+}
+
+fn cell_error(file: &str, source: &Source, names: &[String], row: usize, what: &str) -> RecordingError {
+    RecordingError::Cell {
+        file: file.into(),
+        place: format!("row {}", row + 1),
+        number: source.column + 1,
+        column: names[source.column].clone(),
+        what: what.into(),
+    }
+}
+
+/// What the integers of a column stand for.
+enum Kind {
+    Plain,
+    Unsigned,
+    /// A time stamp in this part of a second.
+    Stamp(f64),
+    /// A decimal number with this factor.
+    Decimal(f64),
+}
+
+impl Kind {
+    fn of(column: &ColumnDescriptor) -> Result<Self, String> {
+        if column.max_rep_level() > 0 {
+            return Err("a list in every row is no channel".into());
+        }
+        Ok(match (column.logical_type_ref(), column.converted_type()) {
+            (Some(LogicalType::Timestamp(stamp)), _) => Self::Stamp(match stamp.unit {
+                TimeUnit::MILLIS => 1e-3,
+                TimeUnit::MICROS => 1e-6,
+                TimeUnit::NANOS => 1e-9,
+            }),
+            (Some(LogicalType::Integer(integer)), _) if !integer.is_signed => Self::Unsigned,
+            (_, ConvertedType::TIMESTAMP_MILLIS) => Self::Stamp(1e-3),
+            (_, ConvertedType::TIMESTAMP_MICROS) => Self::Stamp(1e-6),
+            (_, ConvertedType::UINT_32 | ConvertedType::UINT_64) => Self::Unsigned,
+            (_, ConvertedType::DECIMAL) => Self::Decimal(10f64.powi(-column.type_scale())),
+            _ => Self::Plain,
+        })
+    }
+    fn is_stamp(&self) -> bool {
+        matches!(self, Self::Stamp(_))
+    }
+    fn scale(&self) -> f64 {
+        match self {
+            Self::Stamp(scale) | Self::Decimal(scale) => *scale,
+            _ => 1.0,
+        }
+    }
+}
+
+/// Feeds every row's value, NaN for null, to `take`; `None` where the column holds no numbers.
+fn numbers(reader: ColumnReader, levels: i16, kind: &Kind, take: impl FnMut(f64)) -> Result<Option<usize>, ParquetError> {
+    let unsigned = matches!(kind, Kind::Unsigned);
+    match reader {
+        ColumnReader::DoubleColumnReader(r) => batches(r, levels, |v| *v, f64::NAN, take),
+        ColumnReader::FloatColumnReader(r) => batches(r, levels, |v| f64::from(*v), f64::NAN, take),
+        ColumnReader::Int32ColumnReader(r) => {
+            batches(r, levels, |v| if unsigned { f64::from(*v as u32) } else { f64::from(*v) }, f64::NAN, take)
+        }
+        ColumnReader::Int64ColumnReader(r) => batches(r, levels, |v| if unsigned { *v as u64 as f64 } else { *v as f64 }, f64::NAN, take),
+        _ => Ok(None),
+    }
+}
+
+/// Feeds every row's text, empty for null, to `take`; numbers are names too.
+fn texts(reader: ColumnReader, levels: i16, mut take: impl FnMut(&str)) -> Result<Option<usize>, ParquetError> {
+    let take = |text: String| take(&text);
+    match reader {
+        ColumnReader::ByteArrayColumnReader(r) => {
+            batches(r, levels, |v| String::from_utf8_lossy(v.data()).into_owned(), String::new(), take)
+        }
+        ColumnReader::Int32ColumnReader(r) => batches(r, levels, |v| v.to_string(), String::new(), take),
+        ColumnReader::Int64ColumnReader(r) => batches(r, levels, |v| v.to_string(), String::new(), take),
+        _ => Ok(None),
+    }
+}
+
+fn batches<T: DataType, V: Clone>(
+    mut reader: ColumnReaderImpl<T>,
+    levels: i16,
+    value: impl Fn(&T::T) -> V,
+    null: V,
+    mut take: impl FnMut(V),
+) -> Result<Option<usize>, ParquetError> {
+    let (mut definitions, mut values, mut count) = (Vec::new(), Vec::new(), 0);
+    loop {
+        definitions.clear();
+        values.clear();
+        let (records, _, read) = reader.read_records(BATCH, (levels > 0).then_some(&mut definitions), None, &mut values)?;
+        if records == 0 && read == 0 {
+            return Ok(Some(count));
+        }
+        count += read;
+        if levels == 0 {
+            values.iter().for_each(|v| take(value(v)));
+            continue;
+        }
+        let mut present = values.iter();
+        for level in &definitions {
+            take(if *level == levels { present.next().map_or(null.clone(), &value) } else { null.clone() });
+        }
+    }
+}
