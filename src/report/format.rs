@@ -129,7 +129,9 @@ pub fn margins(stability: &Value) -> Vec<MarginLine> {
         lines.push(("gain margin, worst", print("/worst_over_delay_range/gain_margin_db", "dB"), remark.clone()));
         lines.push(("phase margin, worst", print("/worst_over_delay_range/phase_margin_deg", "deg"), remark.clone()));
         lines.push(("delay margin, worst", print("/worst_over_delay_range/delay_margin_s", "s"), remark.clone()));
-        lines.push(("max. sensitivity, worst", print("/worst_over_delay_range/max_sensitivity", "1"), remark));
+        lines.push(("max. sensitivity, worst", print("/worst_over_delay_range/max_sensitivity", "1"), remark.clone()));
+        lines.push(("gain margin, sampled, worst", print("/worst_over_delay_range/sampled/gain_margin_db", "dB"), remark.clone()));
+        lines.push(("phase margin, sampled, worst", print("/worst_over_delay_range/sampled/phase_margin_deg", "deg"), remark));
     }
     lines
 }
@@ -141,8 +143,8 @@ pub fn stable(stability: &Value) -> Option<&'static str> {
 
 /// The gains that the margins are for.
 pub fn gains(stability: &Value) -> Option<(f64, f64)> {
-    let get = |key: &str| stability.get(key).and_then(Value::as_f64);
-    Some((get("kp_ma_per_bar")?, get("ki_ma_per_bar_s")?))
+    let get = |at: &str| stability.pointer(at).and_then(Value::as_f64);
+    Some((get("/loop/kp_ma_per_bar")?, get("/loop/ki_ma_per_bar_s")?))
 }
 
 /// The evidence of the run's timing: name and text.

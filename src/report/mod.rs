@@ -1,6 +1,7 @@
 //! Pure functions of a record: text, JSON, Markdown, JUnit, HTML. They format; they compute nothing.
 
 pub mod format;
+mod html;
 mod json;
 mod junit;
 mod markdown;
@@ -8,6 +9,7 @@ mod page;
 pub mod plot;
 mod text;
 
+pub use html::{badge, html};
 pub use json::{json, without_provenance};
 pub use junit::junit;
 pub use markdown::markdown;

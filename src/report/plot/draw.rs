@@ -25,7 +25,7 @@ pub(super) fn figure(figure: &Figure) -> Markup {
             .frame {
                 .y-label { span { (figure.y_label) } }
                 .y-ticks {
-                    @for tick in y.ticks((figure.height_px / 42).max(3) as usize) {
+                    @for tick in y.ticks((figure.height_px / 34).max(4) as usize) {
                         span style={ "top:" (percent(1.0 - tick.place)) } { (tick.text) }
                     }
                 }
@@ -141,7 +141,7 @@ fn grid(x: &Axis, y: &Axis, height_px: u32) -> String {
     for place in x.ticks(8).into_iter().filter_map(|t| whole(t.place, WIDTH)) {
         let _ = write!(d, "M{place} 0V{HEIGHT}");
     }
-    for place in y.ticks((height_px / 42).max(3) as usize).into_iter().filter_map(|t| whole(1.0 - t.place, HEIGHT)) {
+    for place in y.ticks((height_px / 34).max(4) as usize).into_iter().filter_map(|t| whole(1.0 - t.place, HEIGHT)) {
         let _ = write!(d, "M0 {place}H{WIDTH}");
     }
     d

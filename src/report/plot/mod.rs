@@ -41,6 +41,8 @@ pub enum Color {
     Good,
     /// Secondary lines and shading.
     Neutral,
+    /// Not drawn: a band that only carries its label.
+    Clear,
 }
 
 impl Color {
@@ -62,6 +64,7 @@ impl Color {
             Color::Limit => "c-limit",
             Color::Good => "c-good",
             Color::Neutral => "c-neutral",
+            Color::Clear => "c-clear",
         }
     }
 }
@@ -200,6 +203,23 @@ impl Figure {
     /// Adds bars.
     pub fn bars(self, name: impl Into<String>, color: Color, x: Vec<f64>, y: Vec<f64>) -> Self {
         self.series(name, color, Stroke::Bars, x, y)
+    }
+
+    /// Adds a histogram: the upper edge of each class and its count. The first class is as wide as the second.
+    pub fn histogram(self, name: impl Into<String>, color: Color, classes: &[(f64, f64)]) -> Self {
+        let first = match classes {
+            [(a, _), (b, _), ..] if self.x_scale == Scale::Log => a * a / b,
+            [(a, _), (b, _), ..] => 2.0 * a - b,
+            [(a, _)] => a / 2.0,
+            [] => 0.0,
+        };
+        let lower = std::iter::once(first).chain(classes.iter().map(|c| c.0));
+        let (mut x, mut y) = (Vec::new(), Vec::new());
+        for (from, (to, count)) in lower.zip(classes) {
+            x.extend([from, from, *to, *to]);
+            y.extend([0.0, *count, *count, 0.0]);
+        }
+        self.series(name, color, Stroke::Area, x, y)
     }
 
     /// Shades a strip of the horizontal axis (a phase, a window).

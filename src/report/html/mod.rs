@@ -1,0 +1,75 @@
+//! The report as one self-contained HTML file: the verdict first, then the evidence.
+
+mod figures;
+mod tables;
+
+use maud::{Markup, html};
+
+use super::format;
+use crate::record::{Outcome, TestRecord, Trace};
+
+/// The record and its samples as a page. An empty trace leaves the figures over time out.
+pub fn html(record: &TestRecord, trace: &Trace) -> String {
+    let body = html! {
+        (heading(record))
+        (tables::tiles(record))
+        h2 { "Measurements" }
+        (tables::measurements(record))
+        @if !trace.time_s.is_empty() {
+            h2 { "Over time" }
+            p.soft.hint { "Point to read values, drag to zoom, double-click to zoom out. The figures of one time axis move together." }
+            (figures::over_time(record, trace))
+        }
+        (figures::loops(record, trace))
+        @if let Some(stability) = &record.stability {
+            h2 { "Stability of the loop" }
+            .columns {
+                (figures::stability(stability))
+                (tables::margins(stability))
+            }
+        }
+        h2 { "Timing" }
+        (tables::timing(record))
+        (figures::timing(record))
+        h2 { "What ran" }
+        (tables::identity(record))
+        footer { "Written from the record alone (" code { (record.schema) } "): nothing on this page was computed elsewhere or fetched." }
+    };
+    super::page(&format!("{} on {}: {}", record.plan.name, record.dut.serial, format::outcome(record.outcome)), &body)
+}
+
+fn heading(record: &TestRecord) -> Markup {
+    html! {
+        header.top {
+            div {
+                h1 { (record.plan.name) }
+                .sub { "valve " b { (record.dut.serial) } " on rig " (record.rig.kind) " " b { (record.rig.name) } ", " (format::tally(record)) }
+            }
+            .badges {
+                @if record.simulated { span.badge.big.sim { "SIMULATION" } }
+                (badge(format::outcome(record.outcome), true))
+            }
+        }
+        @if let Some(mark) = format::simulation_mark(record) { .notice { (mark) "." } }
+        @if !record.reasons.is_empty() {
+            .notice.bad { @for reason in &record.reasons { p { (reason) } } }
+        }
+        @if record.safe_state.as_ref().is_some_and(|s| !s.confirmed) {
+            .notice.bad { "The safe state was not confirmed by a measurement." }
+        }
+    }
+}
+
+/// A verdict in its colour.
+pub fn badge(verdict: &str, big: bool) -> Markup {
+    html! { span.badge.(verdict.to_lowercase().replace(['_', ' '], "-")).big[big] { (verdict.replace('_', " ")) } }
+}
+
+/// The class of a table row.
+fn row_class(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Pass | Outcome::NotRun => "",
+        Outcome::Marginal => "marginal",
+        Outcome::Fail | Outcome::Invalid | Outcome::Error | Outcome::Aborted => "fail",
+    }
+}
