@@ -104,7 +104,8 @@ pub fn loops(record: &TestRecord, trace: &Trace) -> Markup {
         let curves = &valve.curves;
         let (low, high) = curves.range_a;
         let current: Vec<f64> = (0..=200).map(|n| low + (high - low) * f64::from(n) / 200.0).collect();
-        let of = |curve: &dyn Fn(f64) -> f64| current.iter().map(|i| curve(*i)).collect::<Vec<f64>>();
+        let grid = current.clone();
+        let of = |curve: &dyn Fn(f64) -> f64| grid.iter().map(|i| curve(*i)).collect::<Vec<f64>>();
         let (rising, falling) = (of(&|i| curves.ascending_at(i)), of(&|i| curves.descending_at(i)));
         figure = figure
             .dashed(format!("ascending curve of {}", valve.name), Color::Ascending, current.clone(), rising)
