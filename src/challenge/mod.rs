@@ -1,1 +1,29 @@
-//! A finer plant that conceals an effect, to prove the diagnosis on.
+//! A valve whose fault is concealed: the blind test of the diagnosis.
+//!
+//! Whoever judges a diagnosis on data from the diagnosis's own simulator commits the inverse crime: the same
+//! formula writes the data and reads them. This room therefore holds a second plant, finer in time (0.5 ms) and
+//! written from first principles rather than from the effect blocks of the simulator: message line, coil and
+//! current loop, spool with friction, static curve with a hysteresis of another form, supply, chamber with orifice
+//! and compliance, sensor. It shares no line with them, and `tests/it` holds that.
+//!
+//! The seed draws a specimen and what is wrong with it, the recordings are written, and the truth goes into a
+//! sealed file whose digest is known before anybody diagnoses anything. `docs/proof.md` explains it to a sceptic.
+
+mod chamber;
+mod curve;
+mod draw;
+mod driver;
+mod excitation;
+mod files;
+mod memory;
+mod plant;
+mod sensor;
+mod session;
+mod specimen;
+mod spool;
+mod supply;
+mod unknown;
+
+pub use draw::{Case, Concealed, EFFECTS, UNKNOWN, draw_case, placed};
+pub use files::{ChallengeError, truth_json, write_run, write_text};
+pub use session::{Session, record_session};
