@@ -22,7 +22,7 @@ pub(super) enum Volume {
     /// Piston that travels against its return spring before the clutch bears.
     Piston { flow: f64, kiss_bar: f64, spring_bar: f64, travel: f64, p_bar: f64 },
     /// Lines and housing that run empty and have to be filled first.
-    DeadVolume { flow: f64, fill_bar: f64, drain_s: f64, missing: f64, p_bar: f64 },
+    EmptyLine { flow: f64, fill_bar: f64, drain_s: f64, missing: f64, p_bar: f64 },
     /// Leak past a seal, fed through the spool's resistance: laminar gap.
     LeakGap { share: f64, build_s: f64, drop_bar: f64 },
     /// The same past a sharp edge.
@@ -92,7 +92,7 @@ impl Volume {
                 }
                 *p_bar
             }
-            Self::DeadVolume { flow, fill_bar, drain_s, missing, p_bar } => {
+            Self::EmptyLine { flow, fill_bar, drain_s, missing, p_bar } => {
                 if u < 0.55 * *fill_bar {
                     *missing += (1.0 - *missing) * STEP_S / *drain_s;
                 } else if *missing > 0.0 {

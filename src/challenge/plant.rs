@@ -136,7 +136,7 @@ impl Plant {
                 travel: 0.0,
                 p_bar,
             }),
-            "fill_phase" => self.volumes.push(Volume::DeadVolume {
+            "fill_phase" => self.volumes.push(Volume::EmptyLine {
                 flow: u(0.9, 1.4) / s,
                 fill_bar: u(1.8, 3.0),
                 drain_s: u(0.15, 0.35),
@@ -228,7 +228,7 @@ impl Plant {
                     second: if first { 0.0 } else { 0.35 },
                     with_pressure: !first,
                     wander: if first { 0.0 } else { 0.002 },
-                    phase: u(0.0, 6.28),
+                    phase: u(0.0, 6.0),
                     speed: 0.0,
                     rng: chance.clone(),
                 });
