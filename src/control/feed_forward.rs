@@ -1,0 +1,98 @@
+//! Feed-forward: the current that the valve model needs for the wanted pressure.
+
+use serde::{Deserialize, Serialize};
+
+use crate::valve::{Hysteresis, InverseState, ReferenceCurves, Valve};
+
+/// Which model the feed-forward inverts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FeedForwardModel {
+    /// The hyperbolic model, Eq. (11).
+    #[default]
+    Hyperbolic,
+    /// The mean of the two curves, Eq. (10): what production controllers use.
+    Average,
+}
+
+/// The inverse model with its memory.
+#[derive(Debug, Clone)]
+pub struct FeedForward {
+    curves: ReferenceCurves,
+    /// `None` for the average model, which has no memory.
+    inverse: Option<InverseState>,
+    a_bar2: f64,
+    limits_a: (f64, f64),
+}
+
+impl FeedForward {
+    /// The inverse of `model`, its memory at `current_a` and the pressure that the average curve gives there.
+    pub fn new(model: FeedForwardModel, valve: &Valve, current_a: f64) -> Self {
+        let a_bar2 = match valve.hysteresis {
+            Hysteresis::Hyperbolic { a_bar2 } => Some(a_bar2),
+            Hysteresis::None => None,
+        };
+        let inverse = match model {
+            FeedForwardModel::Hyperbolic => a_bar2.map(|a| InverseState::start(a, current_a, valve.curves.average_at(current_a))),
+            FeedForwardModel::Average => None,
+        };
+        Self { curves: valve.curves.clone(), inverse, a_bar2: a_bar2.unwrap_or(0.0), limits_a: valve.current_limits_a }
+    }
+
+    /// Puts the memory to a known point: the current that flows and the pressure that it gave.
+    pub fn restart(&mut self, current_a: f64, pressure_bar: f64) {
+        if let Some(inverse) = &mut self.inverse {
+            *inverse = InverseState::start(self.a_bar2, current_a, pressure_bar);
+        }
+    }
+
+    /// The current for `target_bar`, within the current limits [A].
+    pub fn current_for(&mut self, target_bar: f64) -> f64 {
+        let (low, high) = self.limits_a;
+        let Some(inverse) = &mut self.inverse else {
+            return self.curves.average_current(target_bar).clamp(low, high);
+        };
+        let before = inverse.clone();
+        let wanted = inverse.current_for(&self.curves, target_bar);
+        let given = wanted.clamp(low, high);
+        if given != wanted {
+            // The pressure was not reached: the memory follows the current that the valve really gets.
+            *inverse = before;
+            inverse.follow(&self.curves, given);
+        }
+        given
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::controller::tests::valve;
+    use crate::valve::HyperbolaState;
+
+    #[test]
+    fn the_inverse_reaches_the_wanted_pressure() {
+        let valve = valve();
+        let Hysteresis::Hyperbolic { a_bar2 } = valve.hysteresis else { unreachable!() };
+        let mut forward = HyperbolaState::start(a_bar2, 0.3, valve.curves.average_at(0.3));
+        let mut feed_forward = FeedForward::new(FeedForwardModel::Hyperbolic, &valve, 0.3);
+        for k in 0..500 {
+            let target = 15.0 + 10.0 * (k as f64 * 0.05).sin();
+            let pressure = forward.advance(&valve.curves, feed_forward.current_for(target));
+            assert!((pressure - target).abs() < 1e-7, "{k}: {pressure} against {target}");
+        }
+    }
+
+    #[test]
+    fn the_current_stays_within_its_limits() {
+        let valve = valve();
+        for model in [FeedForwardModel::Hyperbolic, FeedForwardModel::Average] {
+            let mut feed_forward = FeedForward::new(model, &valve, 0.3);
+            assert_eq!(feed_forward.current_for(1000.0), valve.current_limits_a.1);
+            assert_eq!(feed_forward.current_for(-1000.0), valve.current_limits_a.0);
+            // And it recovers from there.
+            let current = feed_forward.current_for(15.0);
+            assert!((valve.curves.average_current(15.0) - current).abs() < 0.05, "{current}");
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Figures of a step response: rise time, settling time, overshoot.
+//!
+//! The step is the one jump of the input (target in closed loop, current in open loop). The response goes from the
+//! mean pressure before the jump to its final value: the mean over the last tenth of the phase. Of several
+//! repetitions the worst counts.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Metric, NotMeasurable, Segment, enough};
+use crate::units::{self, Ratio, Unit};
+
+/// Time between the first crossing of 10 % and the first crossing of 90 % of the response, interpolated.
+///
+/// # Source
+/// The usual definition, as in `stepinfo` of MATLAB and python-control.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RiseTime {}
+
+/// Time from the jump of the input until the response stays in a band around its final value: the last exit from the
+/// band counts, not the first entry. A response that leaves the band in the last tenth of the phase has not settled.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SettlingTime {
+    /// Half-width of the band as a share of the response; 5 % where it is not given.
+    #[serde(default = "five_percent")]
+    pub band: Ratio,
+}
+
+/// How far the response exceeds its final value, as a share of the response.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Overshoot {}
+
+fn five_percent() -> Ratio {
+    Ratio::new(0.05)
+}
+
+impl Default for SettlingTime {
+    fn default() -> Self {
+        Self { band: five_percent() }
+    }
+}
+
+/// A response scaled to run from 0 to 1, from the jump on.
+struct Response {
+    /// Time since the jump [s] and scaled pressure.
+    points: Vec<(f64, f64)>,
+    /// Number of the points that the final value was taken from.
+    tail: usize,
+}
+
+/// Smallest response that is timed [bar].
+const SMALLEST_BAR: f64 = 0.1;
+
+fn response(segment: &Segment<'_>, range: &Range<usize>) -> Result<Response, NotMeasurable> {
+    let s = &segment.signals;
+    let closed = range.clone().all(|k| s.target_bar[k].is_finite());
+    let input = if closed { s.target_bar } else { s.current_a };
+    // The jump may stand at the first sample, against what was commanded before.
+    let first = range.start.max(1);
+    let jumps: Vec<usize> =
+        (first..range.end).filter(|k| input[*k] != input[*k - 1] && !(input[*k].is_nan() || input[*k - 1].is_nan())).collect();
+    let [jump] = jumps[..] else { return Err(NotMeasurable::NotAStep) };
+    let tail = (range.len() / 10).max(3).min(range.end - jump);
+    let mean = |of: Range<usize>| {
+        let values: Vec<f64> = of.clone().map(|k| s.pressure_bar[k]).filter(|p| p.is_finite()).collect();
+        enough(values.len(), of.len()).map(|()| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    let before = mean(jump.saturating_sub(10)..jump)?;
+    let last = mean(range.end - tail..range.end)?;
+    if (last - before).abs() < SMALLEST_BAR {
+        return Err(NotMeasurable::NoResponse { moved_bar: (last - before).abs() });
+    }
+    let points: Vec<(f64, f64)> = (jump..range.end)
+        .filter(|k| s.pressure_bar[*k].is_finite())
+        .map(|k| (s.time_s[k] - s.time_s[jump], (s.pressure_bar[k] - before) / (last - before)))
+        .collect();
+    enough(points.len(), range.end - jump)?;
+    Ok(Response { points, tail })
+}
+
+fn worst(segment: &Segment<'_>, of: impl Fn(&Response) -> Result<f64, NotMeasurable>) -> Result<f64, NotMeasurable> {
+    let mut worst = f64::NEG_INFINITY;
+    for range in &segment.repetitions {
+        worst = worst.max(of(&response(segment, range)?)?);
+    }
+    if worst.is_finite() { Ok(worst) } else { Err(NotMeasurable::NotAStep) }
+}
+
+/// Time of the first rise through `level`, interpolated.
+fn crossing(points: &[(f64, f64)], level: f64) -> Option<f64> {
+    let after = points.iter().position(|p| p.1 >= level)?;
+    if after == 0 {
+        return Some(points[0].0);
+    }
+    let (a, b) = (points[after - 1], points[after]);
+    Some(a.0 + (level - a.1) / (b.1 - a.1) * (b.0 - a.0))
+}
+
+impl Metric for RiseTime {
+    fn id(&self) -> &'static str {
+        "rise_time"
+    }
+    fn unit(&self) -> &'static Unit {
+        &units::TIME
+    }
+    fn definition(&self, _: &Segment<'_>) -> String {
+        "rise_time.10_90.v1".into()
+    }
+    fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
+        worst(segment, |r| match (crossing(&r.points, 0.1), crossing(&r.points, 0.9)) {
+            (Some(low), Some(high)) => Ok(high - low),
+            _ => Err(NotMeasurable::NotSettled),
+        })
+    }
+}
+
+impl Metric for SettlingTime {
+    fn id(&self) -> &'static str {
+        "settling_time"
+    }
+    fn unit(&self) -> &'static Unit {
+        &units::TIME
+    }
+    fn definition(&self, _: &Segment<'_>) -> String {
+        format!("settling_time.last_exit.v1(band={} %)", self.band.value() * 100.0)
+    }
+    fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
+        let band = self.band.value();
+        worst(segment, |r| {
+            let outside = |p: &(f64, f64)| (p.1 - 1.0).abs() > band;
+            let Some(last) = r.points.iter().rposition(outside) else { return Ok(0.0) };
+            if last + r.tail >= r.points.len() {
+                return Err(NotMeasurable::NotSettled);
+            }
+            let (a, b) = (r.points[last], r.points[last + 1]);
+            let edge = 1.0 + band * (a.1 - 1.0).signum();
+            Ok(a.0 + (edge - a.1) / (b.1 - a.1) * (b.0 - a.0))
+        })
+    }
+}
+
+impl Metric for Overshoot {
+    fn id(&self) -> &'static str {
+        "overshoot"
+    }
+    fn unit(&self) -> &'static Unit {
+        &units::RATIO
+    }
+    fn definition(&self, _: &Segment<'_>) -> String {
+        "overshoot.over_final.v1".into()
+    }
+    fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
+        worst(segment, |r| Ok(r.points.iter().map(|p| p.1 - 1.0).fold(0.0, f64::max)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::Columns;
+    use super::*;
+
+    /// Step from 2 to 10 at 1 s; `g` is the scaled response over the time since then.
+    fn step(g: impl Fn(f64) -> f64) -> Columns {
+        let target = |t: f64| if t < 0.9999 { 2.0 } else { 10.0 };
+        Columns::new(1000, target, |_| 0.5, move |t| if t < 1.0 { 2.0 } else { 2.0 + 8.0 * g(t - 1.0) })
+    }
+
+    #[test]
+    fn a_first_order_lag_has_its_textbook_figures() {
+        let columns = step(|t| 1.0 - (-t / 0.2).exp());
+        let segment = columns.segment(0.0);
+        assert!((RiseTime {}.compute(&segment).unwrap() - 0.2 * 9f64.ln()).abs() < 1e-4);
+        assert!((SettlingTime::default().compute(&segment).unwrap() - 0.2 * 20f64.ln()).abs() < 2e-4);
+        assert!(Overshoot {}.compute(&segment).unwrap() < 1e-9);
+    }
+
+    #[test]
+    fn a_resonance_has_its_textbook_overshoot() {
+        let (zeta, wn) = (0.3f64, 10.0f64);
+        let wd = wn * (1.0 - zeta * zeta).sqrt();
+        let columns = step(|t| 1.0 - (-zeta * wn * t).exp() * ((wd * t).cos() + zeta * wn / wd * (wd * t).sin()));
+        let expected = (-std::f64::consts::PI * zeta / (1.0 - zeta * zeta).sqrt()).exp();
+        assert!((Overshoot {}.compute(&columns.segment(0.0)).unwrap() - expected).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_last_exit_counts_not_the_first_entry() {
+        let columns = step(|t| {
+            if t < 0.1 {
+                0.0
+            } else if (3.0..3.2).contains(&t) {
+                1.2
+            } else {
+                1.0
+            }
+        });
+        let settled = SettlingTime::default().compute(&columns.segment(0.0)).unwrap();
+        assert!((3.18..=3.2).contains(&settled), "{settled}");
+    }
+
+    #[test]
+    fn no_number_where_there_is_none() {
+        let drifting = step(|t| t / 9.0);
+        assert_eq!(SettlingTime::default().compute(&drifting.segment(0.0)), Err(NotMeasurable::NotSettled));
+        let ramp = Columns::new(300, |t| t, |_| 0.0, |t| t);
+        assert_eq!(RiseTime {}.compute(&ramp.segment(0.0)), Err(NotMeasurable::NotAStep));
+        let dead = step(|_| 0.0);
+        assert_eq!(RiseTime {}.compute(&dead.segment(0.0)), Err(NotMeasurable::NoResponse { moved_bar: 0.0 }));
+    }
+}
