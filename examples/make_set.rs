@@ -41,6 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (k, mut case) in cases.into_iter().enumerate() {
         if let Some(severity) = severity {
             case.effects.iter_mut().for_each(|e| e.severity = severity);
+            case.absorbed &= severity > 0.9;
         }
         let name = format!("{k:02}-{}", case.name());
         let (valve, twin) = record_session(&case);

@@ -143,7 +143,11 @@ impl Plant {
                 missing: 1.0,
                 p_bar,
             }),
-            "supply_saturation" if first => self.supply = Some(Supply::low(32.0 - 9.5 * s + u(-0.8, 0.8))),
+            "supply_saturation" if first => {
+                // below what the drives ask for, or nothing would show
+                let asked = self.specimen.curve.pressure(0.8);
+                self.supply = Some(Supply::low(asked - 2.0 - 5.5 * s + u(-0.6, 0.6)));
+            }
             "supply_saturation" => {
                 let sagged = 26.0 - 5.5 * s + u(-0.8, 0.8);
                 self.supply = Some(Supply::sagging(60.0, 60.0 - sagged, chance));
@@ -165,7 +169,7 @@ impl Plant {
             }
             "leakage" => self.volumes.insert(0, Volume::LeakEdge { factor: s * u(0.35, 0.5), build_s: u(0.1, 0.25), drop_bar: 0.0 }),
             "rate_dependent_hysteresis" if first => {
-                let (radius_a, per_a_s) = (s * u(0.003, 0.004), u(2.5, 4.0));
+                let (radius_a, per_a_s) = (s * u(0.004, 0.005), u(2.5, 4.0));
                 self.frictions.push(Friction::RatePlay { radius_a, per_a_s, at_a: start_a, last_a: start_a, rate_a_s: 0.0 });
             }
             "rate_dependent_hysteresis" => self.frictions.push(Friction::RateDahl {

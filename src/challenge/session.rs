@@ -81,7 +81,7 @@ fn closed_loop(case: &Case, specimen: &Specimen, target: &[f64], plant: &mut Pla
         let ahead = gain * Plant::feed_forward(specimen, *goal, rising) + offset;
         let error = target[k.saturating_sub(behind)] - measured;
         let trim = if *goal > 6.0 {
-            integral = (integral + ki * error * PERIOD_S).clamp(-0.25, 0.25);
+            integral = (integral + ki * error * PERIOD_S).clamp(-0.15, 0.15);
             kp * error + integral
         } else {
             integral = 0.0;
