@@ -1,5 +1,6 @@
 //! Pure functions of a record: text, JSON, Markdown, JUnit, HTML. They format; they compute nothing.
 
+pub mod diff;
 pub mod format;
 mod html;
 mod json;
@@ -17,4 +18,4 @@ pub use page::page;
 pub use text::{COLUMNS, fold, text};
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
