@@ -129,6 +129,12 @@ impl Mapping {
     }
 }
 
+/// Factor and offset of a formula that is a straight line in one variable; `None` for any other.
+pub(super) fn line(formula: &str) -> Option<(f64, f64)> {
+    let affine = Parser { text: formula, rest: formula }.expression().ok()?;
+    affine.unit.is_none().then_some((affine.scale, affine.offset))
+}
+
 /// `scale * column [unit] + offset` as typed.
 struct Affine {
     column: String,

@@ -7,6 +7,7 @@ mod clean;
 mod csv;
 mod error;
 mod mapping;
+mod mdf4;
 mod parquet;
 mod source;
 mod table;
@@ -109,6 +110,8 @@ pub enum Format {
     Csv,
     /// Apache Parquet: `.parquet`, `.pq`.
     Parquet,
+    /// ASAM MDF 4: `.mf4`, `.mdf`.
+    Mdf4,
 }
 
 impl Format {
@@ -121,6 +124,7 @@ impl Format {
         match extension.as_str() {
             "csv" | "tsv" | "txt" => Ok(Self::Csv),
             "parquet" | "pq" => Ok(Self::Parquet),
+            "mf4" | "mdf" => Ok(Self::Mdf4),
             _ => Err(RecordingError::UnknownFormat { path: path.into(), extension }),
         }
     }
@@ -139,6 +143,7 @@ impl Recording {
         let rows = match Format::of(path)? {
             Format::Csv => csv::read(path, &file, map)?,
             Format::Parquet => parquet::read(path, &file, map)?,
+            Format::Mdf4 => mdf4::read(path, &file, map)?,
         };
         clean::recording(rows)
     }

@@ -58,6 +58,7 @@ impl Recording {
         match super::Format::of(path)? {
             super::Format::Csv => replace_file(path, |file| self.write_csv(file)),
             super::Format::Parquet => super::table::write_parquet(path, &self.tables()),
+            super::Format::Mdf4 => replace_file(path, |file| super::mdf4::write(self, file)),
         }
     }
 
@@ -120,7 +121,7 @@ mod tests {
     use crate::recording::Mapping;
     use proptest::prelude::*;
 
-    const FORMATS: [&str; 2] = ["csv", "parquet"];
+    const FORMATS: [&str; 3] = ["csv", "parquet", "mf4"];
 
     /// The recording after a round trip through a file.
     fn again(recording: &Recording, extension: &str, map: &[&str]) -> Recording {

@@ -1,0 +1,302 @@
+//! Recordings as ASAM MDF 4 (`.mf4`), read and written.
+//!
+//! Every channel group that holds the command is a run; its master channel is the time. A channel that was
+//! recorded in another group, at another rate, is interpolated at the times of the command. Compressed data
+//! are read block by block, so that memory grows with the channels that are asked for and not with the file.
+
+mod block;
+mod conversion;
+mod data;
+mod layout;
+mod write;
+
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
+use std::path::Path;
+
+pub(super) use write::write;
+
+use super::mapping::Role;
+use super::source::{Rows, Source, resolve};
+use super::{Channel as Known, Mapping, RecordingError};
+use block::Blocks;
+use conversion::Conversion;
+use data::Stream;
+use layout::{Group, Raw, Validity};
+
+/// Records decoded at a time.
+const BATCH: usize = 4096;
+
+pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
+    let handle = File::open(path).map_err(RecordingError::io(path))?;
+    read_from(BufReader::with_capacity(1 << 16, handle), file, map)
+}
+
+pub(super) fn read_from(input: impl Read + Seek, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
+    let damaged = |what: String| RecordingError::format(file, what);
+    let mut blocks = Blocks::open(input).map_err(damaged)?;
+    let groups = layout::groups(&mut blocks).map_err(damaged)?;
+    let has = |group: &Group, role: Role| {
+        let mapping = map.iter().find(|m| m.role == role);
+        let named = |name: &str| match mapping {
+            Some(m) => name == m.text || name == m.column,
+            None => name == role.name(),
+        };
+        group.channels.iter().any(|c| named(&c.name))
+    };
+    if map.iter().any(|m| m.role == Role::Run) {
+        return Err(damaged("the runs of an MDF file are its channel groups: `run` cannot be mapped".into()));
+    }
+    let command = Role::Channel(Known::Current);
+    let with_command: Vec<&Group> = groups.iter().filter(|g| has(g, command)).collect();
+    let mut reader = Reader { blocks, file, map, notes: Vec::new() };
+    if with_command.is_empty() {
+        // Says which channels there are.
+        let all: Vec<String> = groups.iter().flat_map(|g| g.channels.iter().map(|c| c.name.clone())).collect();
+        resolve(file, &all, map, true)?;
+        return Err(damaged("no channel group holds the command".into()));
+    }
+
+    let mut rows = Rows { file: file.into(), ..Rows::default() };
+    let single = with_command.len() == 1;
+    for (number, group) in with_command.iter().enumerate() {
+        let mut columns = reader.columns(group, Role::all().filter(|r| *r != Role::Run && has(group, *r)))?;
+        for role in Role::all().filter(|r| *r != Role::Run && *r != Role::Time && !has(group, *r)) {
+            let mut elsewhere = groups.iter().filter(|g| has(g, role));
+            let other = match (elsewhere.next(), elsewhere.next()) {
+                (Some(other), None) if single => other,
+                (Some(_), Some(_)) if single => return Err(damaged(format!("`{}` is there in several channel groups", role.name()))),
+                (None, _) if map.iter().any(|m| m.role == role) => {
+                    let all: Vec<String> = groups.iter().flat_map(|g| g.channels.iter().map(|c| c.name.clone())).collect();
+                    return Err(resolve(file, &all, map, true).err().unwrap_or_else(|| damaged(format!("no `{}`", role.name()))));
+                }
+                _ => continue,
+            };
+            let found = reader.columns(other, [role].into_iter())?;
+            let hold = role == Role::Channel(Known::Target);
+            let values = at_times(&columns.time_s, &found.time_s, &found.values[0].1, hold)
+                .ok_or_else(|| damaged(format!("`{}`: the time of its channel group does not increase", role.name())))?;
+            reader.notes.push(format!("{} was recorded in another channel group: interpolated at the times of current_a", role.name()));
+            columns.values.push((role, values));
+        }
+        let from = rows.time_s.len();
+        let name = if group.name.is_empty() && !single { (number + 1).to_string() } else { group.name.clone() };
+        rows.segments.push(((!name.is_empty()).then_some(name), from));
+        rows.append(columns);
+    }
+    if !single {
+        reader.notes.push(format!("{} channel groups hold current_a: taken as so many runs", with_command.len()));
+    }
+    rows.notes = reader.notes;
+    rows.notes.dedup();
+    Ok(rows)
+}
+
+/// What was read from one group.
+struct Columns {
+    time_s: Vec<f64>,
+    values: Vec<(Role, Vec<f64>)>,
+}
+
+impl Rows {
+    fn append(&mut self, columns: Columns) {
+        let (from, to) = (self.time_s.len(), self.time_s.len() + columns.time_s.len());
+        if from == 0 {
+            self.time_s = columns.time_s;
+        } else {
+            self.time_s.extend(columns.time_s);
+        }
+        for (role, values) in columns.values {
+            let Role::Channel(channel) = role else { continue };
+            let all = self.channels[channel.index()].get_or_insert_default();
+            if from == 0 {
+                *all = values;
+            } else {
+                all.resize(from, f64::NAN);
+                all.extend(values);
+            }
+        }
+        self.channels.iter_mut().flatten().for_each(|v| v.resize(to, f64::NAN));
+    }
+}
+
+/// Reads columns of one file.
+struct Reader<'a, F> {
+    blocks: Blocks<F>,
+    file: &'a str,
+    map: &'a [Mapping],
+    notes: Vec<String>,
+}
+
+/// A channel on its way from the record to a column.
+struct Tap {
+    raw: Raw,
+    validity: Validity,
+    conversion: Conversion,
+    scale: f64,
+    offset: f64,
+    out: Vec<f64>,
+}
+
+impl<F: Read + Seek> Reader<'_, F> {
+    /// The time and the columns of `roles` of a group.
+    fn columns(&mut self, group: &Group, roles: impl Iterator<Item = Role>) -> Result<Columns, RecordingError> {
+        let names: Vec<String> = group.channels.iter().map(|c| c.name.clone()).collect();
+        let wanted: Vec<Role> = roles.collect();
+        let mut sources = sources(self.file, &names, self.map, &wanted)?;
+        if !sources.iter().any(|s| s.role == Role::Time) {
+            let column = group.master().ok_or_else(|| {
+                RecordingError::format(self.file, format!("the channel group `{}` has no time: no master channel", group.name))
+            })?;
+            sources.insert(0, Source { role: Role::Time, column, scale: 1.0, offset: 0.0, bare: true });
+        }
+        let mut taps = Vec::new();
+        for source in &mut sources {
+            let channel = &group.channels[source.column];
+            let refused = |what: String| RecordingError::format(self.file, format!("channel `{}`: {what}", channel.name));
+            if source.bare && !channel.unit.is_empty() {
+                match source.role.conversion(&channel.unit) {
+                    Ok((scale, offset)) => (source.scale, source.offset) = (scale, offset),
+                    Err(_) => self.notes.push(format!(
+                        "{} has the unit `{}` in the file: its numbers are taken as they are",
+                        source.role.name(),
+                        channel.unit
+                    )),
+                }
+            }
+            let (raw, validity) = channel.raw(group).map_err(refused)?;
+            let conversion = Conversion::read(&mut self.blocks, channel.conversion, 0).map_err(refused)?;
+            taps.push(Tap { raw, validity, conversion, scale: source.scale, offset: source.offset, out: Vec::new() });
+        }
+        self.decode(group, &mut taps).map_err(|what| RecordingError::format(self.file, what))?;
+        let mut columns = Columns { time_s: Vec::new(), values: Vec::new() };
+        for (source, tap) in sources.iter().zip(taps) {
+            match source.role {
+                Role::Time => columns.time_s = tap.out,
+                role => columns.values.push((role, tap.out)),
+            }
+        }
+        Ok(columns)
+    }
+
+    fn decode(&mut self, group: &Group, taps: &mut [Tap]) -> Result<(), String> {
+        let unfinished = self.blocks.unfinished;
+        let most = if unfinished && group.cycles == 0 { u64::MAX } else { group.cycles };
+        let size = group.data_bytes + group.invalid_bytes;
+        if size == 0 {
+            return Err(format!("the records of channel group `{}` hold nothing", group.name));
+        }
+        if group.varying {
+            return Err(format!("the records of channel group `{}` vary in length", group.name));
+        }
+        // A cycle count that the file cannot hold must not reserve memory.
+        let guess = most.min(self.blocks.length) as usize;
+        taps.iter_mut().for_each(|t| drop(t.out.try_reserve_exact(guess)));
+        let mut stream = Stream::new(&mut self.blocks, group.data);
+        let mut index = 0;
+        if group.id_bytes == 0 || group.shared.len() == 1 {
+            let step = group.id_bytes + size;
+            let mut buffer = vec![0; step * BATCH];
+            while index < most {
+                let want = usize::try_from(most - index).unwrap_or(BATCH).min(BATCH) * step;
+                let read = stream.read(&mut buffer[..want])?;
+                for record in buffer[..read].chunks_exact(step) {
+                    take(taps, &record[group.id_bytes..], index);
+                    index += 1;
+                }
+                if read < want {
+                    break;
+                }
+            }
+        } else {
+            index = unsorted(&mut stream, group, taps, most)?;
+        }
+        let notes = std::mem::take(&mut stream.notes);
+        self.notes.extend(notes);
+        if most != u64::MAX && index < most {
+            self.notes.push(format!("channel group `{}`: {index} of {most} records are there", group.name));
+        }
+        if unfinished {
+            self.notes.push("the file was not closed by the logger".into());
+        }
+        Ok(())
+    }
+}
+
+fn take(taps: &mut [Tap], record: &[u8], index: u64) {
+    for tap in taps {
+        let value = if tap.validity.holds(record) { tap.conversion.apply(tap.raw.value(record, index)) } else { f64::NAN };
+        let value = if value.is_finite() { value * tap.scale + tap.offset } else { f64::NAN };
+        tap.out.push(value);
+    }
+}
+
+/// Records of several groups in turn, each behind the id of its group.
+fn unsorted<F: Read + Seek>(stream: &mut Stream<'_, F>, group: &Group, taps: &mut [Tap], most: u64) -> Result<u64, String> {
+    let mut index = 0;
+    let mut id = [0; 8];
+    let mut record = Vec::new();
+    while index < most {
+        if stream.read(&mut id[..group.id_bytes])? < group.id_bytes {
+            break;
+        }
+        let id = u64::from_le_bytes(id);
+        let Some((_, size)) = group.shared.iter().find(|s| s.0 == id) else {
+            return Err(format!("a record has the id {id}, which no channel group has"));
+        };
+        let size = match size {
+            Some(size) => *size,
+            None => {
+                let mut length = [0; 4];
+                stream.read(&mut length)?;
+                u32::from_le_bytes(length) as usize
+            }
+        };
+        record.resize(size, 0);
+        if stream.read(&mut record)? < size {
+            break;
+        }
+        if id == group.record_id {
+            take(taps, &record, index);
+            index += 1;
+        }
+    }
+    Ok(index)
+}
+
+/// The sources of `wanted` among the channels of one group.
+fn sources(file: &str, names: &[String], map: &[Mapping], wanted: &[Role]) -> Result<Vec<Source>, RecordingError> {
+    let command = Role::Channel(Known::Current);
+    let map: Vec<Mapping> = map.iter().filter(|m| wanted.contains(&m.role)).cloned().collect();
+    let mut names = names.to_vec();
+    // `resolve` asks for a command; a group that only lends another channel has none.
+    let lends = !wanted.contains(&command);
+    if lends {
+        names.push(command.name().into());
+    }
+    let mut sources = resolve(file, &names, &map, true)?;
+    sources.retain(|s| wanted.contains(&s.role));
+    Ok(sources)
+}
+
+/// Values at `times`, on a straight line between the neighbours, or the last one where it is held; NaN outside.
+///
+/// `None` where `known` does not increase.
+fn at_times(times: &[f64], known: &[f64], values: &[f64], hold: bool) -> Option<Vec<f64>> {
+    if known.windows(2).any(|w| w[0].partial_cmp(&w[1]) != Some(std::cmp::Ordering::Less)) {
+        return None;
+    }
+    let at = |t: &f64| {
+        let after = known.partition_point(|k| k < t);
+        match (after.checked_sub(1), known.get(after)) {
+            (_, Some(k)) if k == t => values[after],
+            (Some(before), Some(_)) if hold => values[before],
+            (Some(before), Some(k)) => {
+                let share = (t - known[before]) / (k - known[before]);
+                values[before] + share * (values[after] - values[before])
+            }
+            _ => f64::NAN,
+        }
+    };
+    Some(times.iter().map(at).collect())
+}
