@@ -70,7 +70,7 @@ impl Conversion {
             7 | 8 => {
                 let keys: Vec<_> =
                     if kind == 7 { values.iter().map(|v| (*v, *v)).collect() } else { values.chunks_exact(2).map(pair).collect() };
-                let mut of_link = |blocks: &mut Blocks<F>, link: u64| match link {
+                let of_link = |blocks: &mut Blocks<F>, link: u64| match link {
                     0 => Ok(Self::Gap),
                     _ if blocks.header(link)?.id == *b"##CC" => Self::read(blocks, link, depth + 1),
                     _ => Ok(Self::Gap),

@@ -1,0 +1,3 @@
+//! Integration tests: the library and the program from outside.
+
+mod peers;
