@@ -1,1 +1,72 @@
 //! Effects, one file each, and the pipeline that simulates a valve.
+//!
+//! A signal goes through the valve stage by stage ([`Stage`]); an effect names its stage, so it can be added to
+//! any model. `run --sim`, `simulate`, `identify` and `diagnose` all use this one pipeline.
+
+mod air_entrainment;
+mod coil_heating;
+mod creep;
+mod delay_jitter;
+mod effect;
+mod fill_phase;
+mod first_order_lag;
+mod flow_limit;
+mod leakage;
+mod linear;
+mod nonlocal_memory;
+mod periodic_disturbance;
+mod pipeline;
+mod plant;
+mod rate_dependent_hysteresis;
+mod reference_drift;
+mod reference_shape;
+mod reference_shift;
+mod reversal_dead_band;
+mod second_order_resonance;
+mod sensor_drift;
+mod sensor_lag;
+mod sensor_outliers;
+mod sensor_quantization;
+mod stiction;
+mod supply_saturation;
+mod transport_delay;
+
+pub use effect::{Block, Context, Effect, Kind, Parameter, PhysicsError, Signals, Stage, Theta};
+pub use linear::{DelayLine, FirstOrder, SecondOrder};
+pub use pipeline::{Pipeline, resolve, simulate, specification};
+pub use plant::Plant;
+
+/// Every effect that a model can have and a diagnosis can name. Adding one: a file, and its line here.
+pub const EFFECTS: &[&dyn Effect] = &[
+    &transport_delay::TransportDelay,
+    &delay_jitter::DelayJitter,
+    &coil_heating::CoilHeating,
+    &reversal_dead_band::ReversalDeadBand,
+    &stiction::Stiction,
+    &nonlocal_memory::NonlocalMemory,
+    &rate_dependent_hysteresis::RateDependentHysteresis,
+    &reference_drift::ReferenceDrift,
+    &reference_shift::ReferenceShift,
+    &reference_shape::ReferenceShape,
+    &leakage::Leakage,
+    &supply_saturation::SupplySaturation,
+    &fill_phase::FillPhase,
+    &flow_limit::FlowLimit,
+    &first_order_lag::FirstOrderLag,
+    &air_entrainment::AirEntrainment,
+    &second_order_resonance::SecondOrderResonance,
+    &creep::Creep,
+    &sensor_lag::SensorLag,
+    &sensor_drift::SensorDrift,
+    &periodic_disturbance::PeriodicDisturbance,
+    &sensor_outliers::SensorOutliers,
+    &sensor_quantization::SensorQuantization,
+];
+
+/// The effect with this id.
+pub fn effect(id: &str) -> Option<&'static dyn Effect> {
+    EFFECTS.iter().copied().find(|e| e.id() == id)
+}
+
+#[cfg(test)]
+mod tests;

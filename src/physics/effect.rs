@@ -1,0 +1,180 @@
+//! What an effect is: where it sits in the signal's way, which parameters it has, what it does to the signal.
+
+use crate::units::Unit;
+
+/// The stages of a valve in the order in which the signal passes them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Stage {
+    /// Dead time of command and message. Signal: current [A].
+    Delay,
+    /// Driver and coil. Signal: current [A].
+    Coil,
+    /// Spool friction. Signal: current [A].
+    Spool,
+    /// Hysteresis and its memory. Signal: pressure [bar], after the static curve.
+    Static,
+    /// Changes of the curve. Signal: pressure [bar].
+    Curve,
+    /// Supply pressure; the floor at tank pressure follows it. Signal: pressure [bar].
+    Supply,
+    /// Spool and chamber dynamics. Signal: pressure [bar].
+    Chamber,
+    /// Creep. Signal: pressure [bar].
+    Creep,
+    /// Sensor. Signal: pressure [bar].
+    Sensor,
+}
+
+/// How an effect shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// In the course of the pressure: judged by the error of a free simulation.
+    Course,
+    /// In the scatter about the course: judged by likelihood and signature, not by RMSE.
+    Scatter,
+}
+
+/// One parameter of an effect.
+#[derive(Debug)]
+pub struct Parameter {
+    /// Name in a valve file.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static Unit,
+    /// Smallest and largest value that physics allows, in the canonical unit.
+    pub range: (f64, f64),
+    /// Where a fit begins: the values tried one by one, in the canonical unit.
+    pub starts: &'static [f64],
+    /// The value where a file does not give one: that of the plainest form of the effect; `None`: must be given.
+    pub default: Option<f64>,
+    /// What it means.
+    pub meaning: &'static str,
+}
+
+/// Values of the parameters in their order, in canonical units.
+pub type Theta<'a> = &'a [f64];
+
+/// What a block needs to know of the simulation that it stands in.
+#[derive(Debug, Clone, Copy)]
+pub struct Context {
+    /// Time step [s].
+    pub dt_s: f64,
+    /// Time of the first sample [s].
+    pub start_s: f64,
+    /// Range of current of the reference curves [A].
+    pub range_a: (f64, f64),
+    /// Slope of the average curve in the middle of its range [bar/A].
+    pub slope_bar_per_a: f64,
+    /// Seed for what is random; `None`: the mean course, without chance.
+    pub seed: Option<u64>,
+}
+
+/// What a block may look at besides its own signal.
+#[derive(Debug, Clone, Copy)]
+pub struct Signals<'a> {
+    /// Current at the static curve [A]; in the stages before it, the block's own input.
+    pub current_a: &'a [f64],
+}
+
+/// An effect with values for its parameters, at work.
+pub trait Block: Send {
+    /// Settles the block at its first input.
+    fn start(&mut self, current_a: f64, input: f64);
+    /// The output one time step after the previous one; `current_a` is the current at the static curve [A].
+    fn step(&mut self, current_a: f64, input: f64) -> f64;
+    /// Replaces a whole signal, from its start.
+    fn run(&mut self, at: Signals<'_>, signal: &mut [f64]) {
+        let Some(first) = signal.first().copied() else { return };
+        self.start(at.current_a[0], first);
+        // The first sample is the settled state; a block that depends on time alone still acts on it.
+        for (current, value) in at.current_a.iter().zip(signal) {
+            *value = self.step(*current, *value);
+        }
+    }
+}
+
+/// A physical effect that a model can have and a diagnosis can name.
+pub trait Effect: Sync {
+    /// Id in files and reports.
+    fn id(&self) -> &'static str;
+    /// The source file, whose head is the effect's manual page.
+    fn source_text(&self) -> &'static str;
+    /// Where in the signal's way it acts.
+    fn stage(&self) -> Stage;
+    /// How it shows.
+    fn kind(&self) -> Kind {
+        Kind::Course
+    }
+    /// Its parameters.
+    fn parameters(&self) -> &'static [Parameter];
+    /// The effect at work.
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block>;
+
+    /// The manual page: the head of the source file.
+    fn doc(&self) -> String {
+        let head = self.source_text().lines().take_while(|l| l.starts_with("//!"));
+        head.map(|l| l.trim_start_matches("//!").trim_start_matches(' ')).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// What can be wrong with the physics of a model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PhysicsError {
+    /// No effect of that id.
+    #[error("no effect `{id}`{hint}; there are: {known}")]
+    UnknownEffect {
+        /// The id as typed.
+        id: String,
+        /// "did you mean" or nothing.
+        hint: String,
+        /// The known ids.
+        known: String,
+    },
+    /// No parameter of that name.
+    #[error("effect `{effect}` has no parameter `{name}`; there are: {known}")]
+    UnknownParameter {
+        /// The effect.
+        effect: String,
+        /// The name as typed.
+        name: String,
+        /// The known names.
+        known: String,
+    },
+    /// A parameter that has no default is not given.
+    #[error("effect `{effect}` wants its parameter `{name}` ({meaning})")]
+    MissingParameter {
+        /// The effect.
+        effect: String,
+        /// The parameter.
+        name: String,
+        /// Its meaning.
+        meaning: String,
+    },
+    /// A value that is no quantity of the wanted dimension.
+    #[error("effect `{effect}`, parameter `{name}`: {source}")]
+    Quantity {
+        /// The effect.
+        effect: String,
+        /// The parameter.
+        name: String,
+        /// What is wrong.
+        source: crate::units::UnitError,
+    },
+    /// A value outside what physics allows.
+    #[error("effect `{effect}`, parameter `{name}`: {value} is outside {low} to {high}")]
+    OutOfRange {
+        /// The effect.
+        effect: String,
+        /// The parameter.
+        name: String,
+        /// The value with its unit.
+        value: String,
+        /// Smallest allowed value.
+        low: String,
+        /// Largest allowed value.
+        high: String,
+    },
+    /// Times that do not increase, or no samples.
+    #[error("{0}")]
+    Input(String),
+}

@@ -1,0 +1,82 @@
+//! # Flow limit
+//!
+//! What it is: the flow through the valve limits how fast the pressure can change.
+//!
+//! Model: |dy/dt| <= rise going up and <= fall going down, with the limit scaled by (|u - y| / 10 bar)^shape: 0 is a
+//! constant limit, 1/2 an orifice.
+//!
+//! Signature: large steps become ramps of one slope; small movements are untouched.
+//!
+//! What to check on the bench: steps of several sizes; pump flow, filters, line diameter.
+//!
+//! Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice flow into a volume).
+
+use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use crate::units::{PRESSURE_RATE, RATIO};
+
+/// The effect `flow_limit`.
+pub struct FlowLimit;
+
+impl Effect for FlowLimit {
+    fn id(&self) -> &'static str {
+        "flow_limit"
+    }
+    fn source_text(&self) -> &'static str {
+        include_str!("flow_limit.rs")
+    }
+    fn stage(&self) -> Stage {
+        Stage::Chamber
+    }
+    fn parameters(&self) -> &'static [Parameter] {
+        static PARAMETERS: [Parameter; 3] = [
+            Parameter {
+                name: "rise",
+                unit: &PRESSURE_RATE,
+                range: (1.0, 5000.0),
+                starts: &[40.0, 100.0, 250.0],
+                default: None,
+                meaning: "fastest rise",
+            },
+            Parameter {
+                name: "fall",
+                unit: &PRESSURE_RATE,
+                range: (1.0, 5000.0),
+                starts: &[40.0, 100.0, 250.0],
+                default: None,
+                meaning: "fastest fall",
+            },
+            Parameter {
+                name: "shape",
+                unit: &RATIO,
+                range: (0.0, 0.7),
+                starts: &[0.0],
+                default: Some(0.0),
+                meaning: "growth of the limit with the pressure difference",
+            },
+        ];
+        &PARAMETERS
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+        Box::new(Limit { rise: theta[0] * context.dt_s, fall: theta[1] * context.dt_s, shape: theta[2], output: 0.0 })
+    }
+}
+
+struct Limit {
+    rise: f64,
+    fall: f64,
+    shape: f64,
+    output: f64,
+}
+
+impl Block for Limit {
+    fn start(&mut self, _: f64, input: f64) {
+        self.output = input;
+    }
+    #[inline]
+    fn step(&mut self, _: f64, input: f64) -> f64 {
+        let wanted = input - self.output;
+        let scale = if self.shape > 0.0 { (0.1 * wanted.abs()).powf(self.shape) } else { 1.0 };
+        self.output += wanted.clamp(-self.fall * scale, self.rise * scale);
+        self.output
+    }
+}

@@ -1,0 +1,97 @@
+//! # Rate-dependent hysteresis
+//!
+//! What it is: the loop widens with the speed of the current.
+//!
+//! Model: P = P0 - width * r^exponent sgn(i'), r = |i'| / (1 A/s), with i' the rate of the current at the curve,
+//! smoothed over `memory`; at rest the widening is gone after that time.
+//!
+//! Signature: loop width over rate at constant amplitude; unlike a lag, the error does not depend on how long the
+//! ramp has lasted, and it is gone once the current rests.
+//!
+//! What to check on the bench: triangles of one amplitude at three rates, and a stop-and-hold after a ramp.
+//!
+//! Source: Al Janaideh, Krejci and Monteiro, Appl. Math. 68 (2023), rate-dependent Prandtl-Ishlinskii operators.
+
+use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::linear::FirstOrder;
+use crate::units::{PRESSURE, RATIO, TIME};
+
+/// The effect `rate_dependent_hysteresis`.
+pub struct RateDependentHysteresis;
+
+impl Effect for RateDependentHysteresis {
+    fn id(&self) -> &'static str {
+        "rate_dependent_hysteresis"
+    }
+    fn source_text(&self) -> &'static str {
+        include_str!("rate_dependent_hysteresis.rs")
+    }
+    fn stage(&self) -> Stage {
+        Stage::Static
+    }
+    fn parameters(&self) -> &'static [Parameter] {
+        static PARAMETERS: [Parameter; 3] = [
+            Parameter {
+                name: "width",
+                unit: &PRESSURE,
+                range: (0.0, 8.0),
+                starts: &[0.4],
+                default: None,
+                meaning: "widening of each branch at 1 A/s",
+            },
+            Parameter {
+                name: "exponent",
+                unit: &RATIO,
+                range: (0.05, 1.2),
+                starts: &[0.2, 0.6],
+                default: Some(1.0),
+                meaning: "growth of the widening with the rate",
+            },
+            Parameter {
+                name: "memory",
+                unit: &TIME,
+                range: (0.002, 0.5),
+                starts: &[0.02, 0.1],
+                default: Some(0.02),
+                meaning: "time over which the rate is felt",
+            },
+        ];
+        &PARAMETERS
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+        Box::new(Widening {
+            width: theta[0],
+            exponent: theta[1],
+            per_step: 1.0 / context.dt_s,
+            rate: FirstOrder::new(theta[2], context.dt_s),
+            last: 0.0,
+        })
+    }
+}
+
+struct Widening {
+    width: f64,
+    exponent: f64,
+    per_step: f64,
+    rate: FirstOrder,
+    last: f64,
+}
+
+impl Block for Widening {
+    fn start(&mut self, current_a: f64, _: f64) {
+        self.last = current_a;
+        self.rate.start(0.0);
+    }
+    #[inline]
+    fn step(&mut self, current_a: f64, input: f64) -> f64 {
+        let rate = self.rate.step((current_a - self.last) * self.per_step);
+        self.last = current_a;
+        // Below a thousandth of an ampere per second the current rests.
+        let size = rate.abs();
+        if size < 1e-3 {
+            input - self.width * 1e-3f64.powf(self.exponent - 1.0) * rate
+        } else {
+            input - self.width * size.powf(self.exponent) * rate.signum()
+        }
+    }
+}

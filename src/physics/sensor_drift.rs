@@ -1,0 +1,76 @@
+//! # Sensor drift
+//!
+//! What it is: the zero of the pressure sensor moves while the valve works.
+//!
+//! Model: y = P + offset s(t) + start, s(t) = (1 - exp(-t/tau)) / (1 - exp(-60 s/tau)): the drift after one minute.
+//!
+//! Signature: the error grows with time, alike at every pressure, also at tank pressure, where the valve cannot err.
+//!
+//! What to check on the bench: the reading with the line vented, before and after.
+//!
+//! Source: Doebelin, Measurement Systems, 5th ed., section 3.2 (zero drift).
+
+use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::reference_drift::SlowChange;
+use crate::units::{PRESSURE, TIME};
+
+/// The effect `sensor_drift`.
+pub struct SensorDrift;
+
+impl Effect for SensorDrift {
+    fn id(&self) -> &'static str {
+        "sensor_drift"
+    }
+    fn source_text(&self) -> &'static str {
+        include_str!("sensor_drift.rs")
+    }
+    fn stage(&self) -> Stage {
+        Stage::Sensor
+    }
+    fn parameters(&self) -> &'static [Parameter] {
+        static PARAMETERS: [Parameter; 3] = [
+            Parameter {
+                name: "offset",
+                unit: &PRESSURE,
+                range: (-5.0, 5.0),
+                starts: &[0.1],
+                default: None,
+                meaning: "drift after one minute",
+            },
+            Parameter {
+                name: "tau",
+                unit: &TIME,
+                range: (5.0, 2000.0),
+                starts: &[1000.0, 30.0],
+                default: Some(2000.0),
+                meaning: "time constant of the drift",
+            },
+            Parameter {
+                name: "start",
+                unit: &PRESSURE,
+                range: (-5.0, 5.0),
+                starts: &[0.0],
+                default: Some(0.0),
+                meaning: "offset at the start",
+            },
+        ];
+        &PARAMETERS
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+        Box::new(Zero { offset: theta[0], change: SlowChange::new(theta[1], context), start: theta[2] })
+    }
+}
+
+struct Zero {
+    offset: f64,
+    change: SlowChange,
+    start: f64,
+}
+
+impl Block for Zero {
+    fn start(&mut self, _: f64, _: f64) {}
+    #[inline]
+    fn step(&mut self, _: f64, input: f64) -> f64 {
+        input + self.start + self.offset * self.change.step()
+    }
+}

@@ -1,0 +1,45 @@
+//! # Sensor lag
+//!
+//! What it is: the pressure sensor, its line or its filter follows late.
+//!
+//! Model: tau y' = u - y, at the end of the signal's way.
+//!
+//! Signature: that of a first-order lag of the valve; from current and pressure alone the two cannot be told apart.
+//!
+//! What to check on the bench: a second sensor close to the valve; the filter of the amplifier.
+//!
+//! Source: Doebelin, Measurement Systems, 5th ed., section 3.3 (first-order instruments).
+
+use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::first_order_lag::Linear;
+use super::linear::FirstOrder;
+use crate::units::TIME;
+
+/// The effect `sensor_lag`.
+pub struct SensorLag;
+
+impl Effect for SensorLag {
+    fn id(&self) -> &'static str {
+        "sensor_lag"
+    }
+    fn source_text(&self) -> &'static str {
+        include_str!("sensor_lag.rs")
+    }
+    fn stage(&self) -> Stage {
+        Stage::Sensor
+    }
+    fn parameters(&self) -> &'static [Parameter] {
+        static PARAMETERS: [Parameter; 1] = [Parameter {
+            name: "tau",
+            unit: &TIME,
+            range: (0.001, 5.0),
+            starts: &[0.015, 0.04, 0.1],
+            default: None,
+            meaning: "time constant of the sensor",
+        }];
+        &PARAMETERS
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+        Box::new(Linear(FirstOrder::new(theta[0], context.dt_s)))
+    }
+}

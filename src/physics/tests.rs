@@ -1,0 +1,139 @@
+//! Laws that hold for every effect of the list.
+
+use super::*;
+use crate::valve::Valve;
+
+fn valve(effects: Vec<crate::valve::EffectSpec>) -> Valve {
+    let text = r#"
+        schema = "hil.valve/1"
+        name = "test"
+        current_limits = ["0 A", "1 A"]
+        hysteresis.hyperbolic.a = "0.8 bar^2"
+        delay = "23 ms"
+        lag = "8 ms"
+        floor = "0 bar"
+        [curve]
+        ascending = [-42.65, 92.5, -8.4, -2.03]
+        descending = [-40.01, 83.32, -1.3, -2.41]
+    "#;
+    let mut valve = Valve::from_toml(text, "test").unwrap();
+    valve.effects = effects;
+    valve
+}
+
+/// A current with ramps, holds, steps and small movements.
+fn current() -> Vec<f64> {
+    (0..4000)
+        .map(|k| {
+            let t = k as f64 * 0.01;
+            0.5 + 0.3 * (0.4 * t).sin() + if (k / 300) % 2 == 0 { 0.1 } else { 0.0 } + if k > 2500 && k < 2800 { -0.45 } else { 0.0 }
+        })
+        .collect()
+}
+
+fn first_starts(effect: &dyn Effect) -> Vec<f64> {
+    effect.parameters().iter().map(|p| p.starts[0]).collect()
+}
+
+#[test]
+fn every_effect_is_documented_and_its_values_are_within_its_ranges() {
+    for effect in EFFECTS {
+        let doc = effect.doc();
+        for part in ["What it is:", "Model:", "Signature:", "What to check on the bench:", "Source:"] {
+            assert!(doc.contains(part), "{}: no `{part}`", effect.id());
+        }
+        for p in effect.parameters() {
+            assert!(!p.starts.is_empty() && p.starts.iter().all(|s| (p.range.0..=p.range.1).contains(s)), "{} {}", effect.id(), p.name);
+            assert!(p.default.is_none_or(|d| (p.range.0..=p.range.1).contains(&d)), "{} {}", effect.id(), p.name);
+        }
+        assert_eq!(super::effect(effect.id()).unwrap().id(), effect.id());
+    }
+}
+
+#[test]
+fn every_effect_gives_the_same_pressure_whole_and_step_by_step() {
+    let current = current();
+    let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
+    for effect in EFFECTS {
+        let spec = specification(*effect, &first_starts(*effect));
+        let valve = valve(vec![spec]);
+        let whole = simulate(&valve, &time, &current).unwrap();
+        let mut plant = Plant::new(&valve, 0.01, current[0], None).unwrap();
+        for (k, i) in current.iter().enumerate() {
+            let p = plant.step(*i);
+            assert!((p - whole[k]).abs() < 1e-6, "{} at {k}: {p} {}", effect.id(), whole[k]);
+        }
+    }
+}
+
+#[test]
+fn every_effect_of_the_course_changes_the_pressure_and_all_are_finite() {
+    let current = current();
+    let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
+    let plain = simulate(&valve(vec![]), &time, &current).unwrap();
+    for effect in EFFECTS {
+        for (low, high) in [(true, false), (false, true), (false, false)] {
+            let theta: Vec<f64> = effect
+                .parameters()
+                .iter()
+                .map(|p| {
+                    if low {
+                        p.range.0
+                    } else if high {
+                        p.range.1
+                    } else {
+                        p.starts[0]
+                    }
+                })
+                .collect();
+            let changed = simulate(&valve(vec![specification(*effect, &theta)]), &time, &current).unwrap();
+            assert!(changed.iter().all(|p| p.is_finite()), "{} at {theta:?}", effect.id());
+            if !low && !high && effect.kind() == Kind::Course && effect.id() != "reference_shape" {
+                let rms = (plain.iter().zip(&changed).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / plain.len() as f64).sqrt();
+                assert!(rms > 1e-3, "{} does nothing: {rms}", effect.id());
+            }
+        }
+    }
+}
+
+#[test]
+fn a_specification_resolves_to_its_own_values_and_says_what_is_wrong() {
+    for effect in EFFECTS {
+        let theta = first_starts(*effect);
+        let (back, values) = resolve(&specification(*effect, &theta)).unwrap();
+        assert_eq!(back.id(), effect.id());
+        for (a, b) in values.iter().zip(&theta) {
+            assert!((a - b).abs() <= 1e-12 * b.abs(), "{}", effect.id());
+        }
+    }
+    let spec =
+        |id: &str, name: &str, value: &str| crate::valve::EffectSpec { id: id.into(), parameters: vec![(name.into(), value.into())] };
+    let message = |s| resolve(&s).err().unwrap().to_string();
+    insta::assert_snapshot!(message(spec("first_order_lag", "tau", "45 bar")), @"effect `first_order_lag`, parameter `tau`: `45 bar` is not a time: the unit `bar` is of a pressure; allowed: s, ms, us, min, h");
+    insta::assert_snapshot!(message(spec("first_order_lag", "tau", "45 min")), @"effect `first_order_lag`, parameter `tau`: 45 min is outside 0.001 s to 5 s");
+    insta::assert_snapshot!(message(spec("first_order_lag", "taw", "45 ms")), @"effect `first_order_lag` has no parameter `taw`; there are: tau, exponent");
+    assert!(message(spec("first_order_lak", "tau", "45 ms")).contains("did you mean `first_order_lag`?"));
+    assert!(
+        resolve(&crate::valve::EffectSpec { id: "creep".into(), parameters: vec![] })
+            .err()
+            .unwrap()
+            .to_string()
+            .contains("wants its parameter `gain`")
+    );
+}
+
+#[test]
+fn uneven_and_missing_samples_are_simulated_close_to_the_even_grid() {
+    let current = current();
+    let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
+    let valve = valve(vec![]);
+    let even = simulate(&valve, &time, &current).unwrap();
+    // Every seventh sample is missing in a stretch without steps; the rest keeps its times.
+    let keep: Vec<usize> = (0..current.len()).filter(|k| !(1000..1090).contains(k) || k % 7 != 0).collect();
+    let pick = |v: &[f64]| keep.iter().map(|k| v[*k]).collect::<Vec<_>>();
+    let uneven = simulate(&valve, &pick(&time), &pick(&current)).unwrap();
+    for (a, b) in pick(&even).iter().zip(&uneven) {
+        assert!((a - b).abs() < 0.05, "{a} {b}");
+    }
+    assert!(simulate(&valve, &[0.0, 0.0], &[0.1, 0.2]).unwrap_err().to_string().contains("does not increase at sample 2"));
+}
