@@ -158,7 +158,7 @@ pub enum PhysicsError {
         /// The parameter.
         name: String,
         /// What is wrong.
-        source: crate::units::UnitError,
+        source: Box<crate::units::UnitError>,
     },
     /// A value outside what physics allows.
     #[error("effect `{effect}`, parameter `{name}`: {value} is outside {low} to {high}")]

@@ -26,7 +26,11 @@ pub fn resolve(spec: &EffectSpec) -> Result<(&'static dyn Effect, Vec<f64>), Phy
             let missing = || PhysicsError::MissingParameter { effect: spec.id.clone(), name: p.name.into(), meaning: p.meaning.into() };
             return p.default.ok_or_else(missing);
         };
-        let value = p.unit.parse(text).map_err(|source| PhysicsError::Quantity { effect: spec.id.clone(), name: p.name.into(), source })?;
+        let value = p.unit.parse(text).map_err(|source| PhysicsError::Quantity {
+            effect: spec.id.clone(),
+            name: p.name.into(),
+            source: Box::new(source),
+        })?;
         let (low, high) = p.range;
         let slack = 1e-9 * (high - low);
         if !(low - slack..=high + slack).contains(&value) {
@@ -129,7 +133,7 @@ impl<'a> Pipeline<'a> {
 
     /// The stages after the static curve, in place.
     pub fn pressure_stages(&self, context: &Context, current_a: &[f64], pressure_bar: &mut [f64]) {
-        let mut stages = |stage: Stage, pressure_bar: &mut [f64]| {
+        let stages = |stage: Stage, pressure_bar: &mut [f64]| {
             for (effect, theta) in self.effects.iter().filter(|(e, _)| e.stage() == stage) {
                 effect.block(theta, context).run(Signals { current_a }, pressure_bar);
             }
