@@ -1,5 +1,4 @@
 //! The hyperbola over a recorded current: monotone stretches at once, against the plain per-sample recursion.
-#![expect(missing_docs, reason = "criterion's macros write public functions")]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hil::valve::{Polynomial, ReferenceCurves, hyperbola_per_sample, hyperbola_stretches};
