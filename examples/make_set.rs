@@ -5,11 +5,11 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use hil::challenge::{Concealed, EFFECTS, UNKNOWN, draw_case, placed, record_session, truth_json, write_run, write_text};
+use hil::challenge::{Concealed, EFFECTS, UNKNOWN, draw_series, placed, record_session, truth_of, write_run, write_text};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
-    let (mut out, mut seed, mut count, mut severity, mut each) = (None, 1_u64, 27_u64, None, false);
+    let (mut out, mut seed, mut count, mut severity, mut each) = (None, 1_u64, 27_usize, None, false);
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or(format!("{arg} needs a value"));
         match arg.as_str() {
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             cases.push(placed(seed + cases.len() as u64, Vec::new()));
         }
     } else {
-        cases.extend((seed..seed + count).map(draw_case));
+        cases = draw_series(seed, count);
     }
     let mut truth = serde_json::Map::new();
     for (k, mut case) in cases.into_iter().enumerate() {
@@ -51,7 +51,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             write_run(&folder.join("record.csv"), &session.record)?;
             write_run(&folder.join("holdout.csv"), &session.holdout)?;
         }
-        let mut entry = truth_json(&case);
+        let mut entry = truth_of(&case);
+        entry["variant"] = entry["variants"].get(0).cloned().unwrap_or(0.into());
+        entry["severity"] = entry["severities"].get(0).cloned().unwrap_or(1.into());
+        entry["fam"] = entry["family"].clone();
+        entry["delay"] = entry["delay_s"].clone();
         let noise = case.noise_bar();
         for drive in ["record", "holdout"] {
             entry[drive] = serde_json::json!({ "floor": null, "noise": noise });

@@ -99,24 +99,55 @@ impl Case {
     }
 }
 
-/// The case of a seed: 11 of 16 hide one effect (half of them faint), 2 a pair, 2 nothing, 1 something unknown.
-pub fn draw_case(seed: u64) -> Case {
+/// Cases in a row from one seed. Of each 16, in shuffled order: 11 hide one effect, 2 a pair, 2 nothing and 1
+/// something unknown. Single effects come from a shuffled deck that holds each once, clear and faint in turn.
+pub fn draw_series(seed: u64, count: usize) -> Vec<Case> {
     let rng = &mut stream(seed, 2);
-    let kind = rng.random_range(0..16);
-    let severity = |rng: &mut rand_pcg::Pcg64| if rng.random::<bool>() { 1.0 } else { uniform(rng, 0.35, 0.5) };
-    let effects: Vec<Concealed> = match kind {
-        0..11 => {
-            let id = EFFECTS[rng.random_range(0..EFFECTS.len())];
-            vec![Concealed { id, variant: rng.random_range(0..2), severity: severity(rng) }]
+    let mut kinds = Deck::new((0..16).collect());
+    let mut singles = Deck::new((0..EFFECTS.len()).collect());
+    let mut pairs = Deck::new((0..PAIRS.len()).collect());
+    let mut unknowns = Deck::new((0..3).collect());
+    let mut faint = rng.random::<bool>();
+    (0..count)
+        .map(|_| {
+            let effects: Vec<Concealed> = match kinds.next(rng) {
+                0..11 => {
+                    faint = !faint;
+                    let severity = if faint { uniform(rng, 0.35, 0.5) } else { 1.0 };
+                    vec![Concealed { id: EFFECTS[singles.next(rng)], variant: rng.random_range(0..2), severity }]
+                }
+                11 | 12 => {
+                    let (a, b) = PAIRS[pairs.next(rng)];
+                    [a, b].map(|id| Concealed { id, variant: rng.random_range(0..2), severity: 1.0 }).to_vec()
+                }
+                13 | 14 => Vec::new(),
+                _ => vec![Concealed { id: UNKNOWN, variant: unknowns.next(rng) as u8, severity: 1.0 }],
+            };
+            placed(rng.random::<u64>(), effects)
+        })
+        .collect()
+}
+
+/// Cards that are shuffled anew when all are dealt.
+struct Deck {
+    cards: Vec<usize>,
+    dealt: usize,
+}
+
+impl Deck {
+    fn new(cards: Vec<usize>) -> Self {
+        Self { dealt: cards.len(), cards }
+    }
+    fn next(&mut self, rng: &mut rand_pcg::Pcg64) -> usize {
+        if self.dealt == self.cards.len() {
+            for k in (1..self.cards.len()).rev() {
+                self.cards.swap(k, rng.random_range(0..=k));
+            }
+            self.dealt = 0;
         }
-        11 | 12 => {
-            let (a, b) = PAIRS[rng.random_range(0..PAIRS.len())];
-            [a, b].map(|id| Concealed { id, variant: rng.random_range(0..2), severity: 1.0 }).to_vec()
-        }
-        13 | 14 => Vec::new(),
-        _ => vec![Concealed { id: UNKNOWN, variant: rng.random_range(0..3), severity: 1.0 }],
-    };
-    placed(seed, effects)
+        self.dealt += 1;
+        self.cards[self.dealt - 1]
+    }
 }
 
 /// A case with given effects; loop and calibration still follow from the seed.
@@ -134,16 +165,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn many_seeds_conceal_every_effect_and_leave_some_valves_healthy() {
-        let cases: Vec<Case> = (0..2000).map(draw_case).collect();
+    fn a_series_conceals_every_effect_and_leaves_one_valve_in_eight_healthy() {
+        let cases = draw_series(5, 64);
         for id in EFFECTS {
-            for variant in 0..2 {
-                assert!(cases.iter().any(|c| c.effects.iter().any(|e| e.id == id && e.variant == variant)), "{id} {variant}");
-            }
+            let of = |faint: bool| cases.iter().filter(|c| c.ids() == [id] && (c.effects[0].severity < 0.9) == faint).count();
+            assert_eq!(of(true) + of(false), 2, "{id}");
         }
-        let share = |f: &dyn Fn(&Case) -> bool| cases.iter().filter(|c| f(c)).count() as f64 / 2000.0;
-        assert!((share(&|c| c.effects.is_empty()) - 0.125).abs() < 0.03);
-        assert!((share(&|c| c.ids() == [UNKNOWN]) - 0.0625).abs() < 0.02);
-        assert!((share(&|c| c.effects.len() == 2) - 0.125).abs() < 0.03);
+        let count = |f: &dyn Fn(&Case) -> bool| cases.iter().filter(|c| f(c)).count();
+        assert_eq!(count(&|c| c.effects.is_empty()), 8);
+        assert_eq!(count(&|c| c.ids() == [UNKNOWN]), 4);
+        assert_eq!(count(&|c| c.effects.len() == 2), 8);
+        assert_eq!(count(&|c| c.effects.len() == 1 && c.ids() != [UNKNOWN] && c.effects[0].severity < 0.9), 22);
+    }
+
+    #[test]
+    fn the_same_seed_draws_the_same_series_and_a_longer_one_begins_with_it() {
+        assert_eq!(draw_series(5, 20), draw_series(5, 40)[..20]);
+        assert_ne!(draw_series(5, 20), draw_series(6, 20));
     }
 }

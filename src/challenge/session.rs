@@ -40,7 +40,7 @@ fn one_run(case: &Case, specimen: &Specimen, effects: &[Concealed], run: u64) ->
         _ => excitation::drive(&mut stream(case.seed, 10 + run), if run == 1 { 120.0 } else { 100.0 }),
     };
     let mut plant = Plant::new(specimen, effects, case.seed, run, wanted[0]);
-    let time_s = (0..wanted.len()).map(|k| k as f64 * PERIOD_S).collect();
+    let time_s = (0..wanted.len()).map(|k| k as f64 / 100.0).collect();
     if run == 0 || !case.closed {
         let current_a: Vec<f64> = wanted.iter().map(|i| digits(*i, 5)).collect();
         let pressure = sampled(&current_a, &mut plant);
@@ -103,12 +103,12 @@ fn digits(value: f64, places: i32) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::draw::draw_case;
+    use super::super::draw::placed;
     use super::*;
 
     #[test]
     fn twin_and_valve_differ_only_by_what_is_concealed() {
-        let case = Case { effects: Vec::new(), closed: true, ..draw_case(8) };
+        let case = Case { closed: true, ..placed(8, Vec::new()) };
         let (valve, twin) = record_session(&case);
         assert_eq!(valve.record, twin.record);
         assert_eq!(valve.holdout, twin.holdout);
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn a_closed_loop_follows_its_target() {
-        let case = Case { effects: Vec::new(), closed: true, ..draw_case(21) };
+        let case = Case { closed: true, ..placed(21, Vec::new()) };
         let (valve, _) = record_session(&case);
         let (p, goal) = (valve.record.pressure_bar.unwrap_or_default(), valve.record.target_bar.unwrap_or_default());
         let mean = p.iter().zip(&goal).map(|(a, b)| (a - b).abs()).sum::<f64>() / p.len() as f64;

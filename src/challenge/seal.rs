@@ -1,0 +1,61 @@
+//! The sealed truth: one text, whose digest is told before anybody is asked.
+
+use sha2::{Digest, Sha256};
+
+use super::draw::Case;
+
+/// The truth of a series as text, and its SHA-256.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Seal {
+    /// JSON: for each case what is concealed, how, how large, and the seed of its valve (which keeps the digest
+    /// from being found by trying all answers).
+    pub text: String,
+    /// SHA-256 of the text, in hexadecimal digits.
+    pub sha256: String,
+}
+
+impl Seal {
+    /// Seals the truth of a series.
+    pub fn new(cases: &[Case]) -> Self {
+        let truth = serde_json::json!({ "schema": "hil.challenge.truth/1", "cases": cases.iter().map(truth_of).collect::<Vec<_>>() });
+        let text = format!("{truth:#}\n");
+        let sha256 = Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+        Self { text, sha256 }
+    }
+
+    /// Whether a text is the one that was sealed.
+    pub fn holds(&self, text: &str) -> bool {
+        let digest: String = Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+        digest == self.sha256
+    }
+}
+
+/// The truth of one case.
+pub fn truth_of(case: &Case) -> serde_json::Value {
+    serde_json::json!({
+        "seed": case.seed,
+        "effects": case.ids(),
+        "variants": case.effects.iter().map(|e| e.variant).collect::<Vec<_>>(),
+        "severities": case.effects.iter().map(|e| e.severity).collect::<Vec<_>>(),
+        "closed": case.closed,
+        "absorbed": case.absorbed,
+        "family": case.family(),
+        "delay_s": case.delay_s(),
+        "noise_bar": case.noise_bar(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::draw::draw_series;
+    use super::*;
+
+    #[test]
+    fn another_truth_breaks_the_seal() {
+        let seal = Seal::new(&draw_series(1, 3));
+        assert_eq!(seal.sha256.len(), 64);
+        assert!(seal.holds(&seal.text));
+        assert!(!seal.holds(&seal.text.replacen("false", "true", 1)));
+        assert_eq!(seal, Seal::new(&draw_series(1, 3)));
+    }
+}

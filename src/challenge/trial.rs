@@ -1,0 +1,114 @@
+//! One case held against one contestant: record, ask, then look.
+
+use super::draw::Case;
+use super::score::{Answer, Misfit, Score, score};
+use super::session::record_session;
+use crate::recording::Run;
+
+/// Whoever is put to the test. It gets recordings and nothing else.
+pub trait Contestant {
+    /// A model of a valve, as it hands it over.
+    type Model;
+
+    /// A model from a slow sweep.
+    ///
+    /// # Errors
+    /// Its own words.
+    fn identify(&mut self, sweep: &Run) -> Result<Self::Model, String>;
+
+    /// A diagnosis of a drive, and the model that came of it.
+    ///
+    /// # Errors
+    /// Its own words.
+    fn diagnose(&mut self, record: &Run, model: &Self::Model) -> Result<(Answer, Self::Model), String>;
+
+    /// The pressure [bar] that a model expects along the current of a run.
+    ///
+    /// # Errors
+    /// Its own words.
+    fn simulate(&mut self, model: &Self::Model, run: &Run) -> Result<Vec<f64>, String>;
+}
+
+/// What came of one case.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// The case, now open.
+    pub case: Case,
+    /// What was answered.
+    pub answer: Answer,
+    /// On the second drive.
+    pub misfit: Misfit,
+    /// What it was worth.
+    pub score: Score,
+}
+
+/// Holds one trial.
+///
+/// # Errors
+/// The contestant's words, with the step at which it gave up.
+pub fn hold_trial<C: Contestant>(case: &Case, contestant: &mut C) -> Result<Trial, String> {
+    let (valve, twin) = record_session(case);
+    let step = |what: &'static str| move |words: String| format!("{what}: {words}");
+    let base = contestant.identify(&valve.sweep).map_err(step("identify"))?;
+    let (answer, augmented) = contestant.diagnose(&valve.record, &base).map_err(step("diagnose"))?;
+    // from here on it is only scored
+    let reference = contestant.identify(&twin.sweep).map_err(step("identify, healthy twin"))?;
+    let mut rmse = |model: &C::Model, run: &Run| -> Result<f64, String> {
+        let simulated = contestant.simulate(model, run).map_err(step("simulate"))?;
+        misfit_bar(&simulated, run.pressure_bar.as_deref().unwrap_or_default())
+            .ok_or_else(|| format!("simulate: {} samples came back for {}", simulated.len(), run.len()))
+    };
+    let misfit = Misfit {
+        base_bar: rmse(&base, &valve.holdout)?,
+        augmented_bar: rmse(&augmented, &valve.holdout)?,
+        floor_bar: rmse(&reference, &twin.holdout)?,
+    };
+    let score = score(case, &answer, Some(misfit));
+    Ok(Trial { case: case.clone(), answer, misfit, score })
+}
+
+fn misfit_bar(simulated: &[f64], measured: &[f64]) -> Option<f64> {
+    if simulated.len() != measured.len() || measured.is_empty() {
+        return None;
+    }
+    Some((simulated.iter().zip(measured).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / measured.len() as f64).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::draw::{Concealed, placed};
+    use super::super::score::Verdict;
+    use super::*;
+
+    /// Knows nothing: a straight line over the current, and no complaint ever.
+    struct Line;
+
+    impl Contestant for Line {
+        type Model = (f64, f64);
+        fn identify(&mut self, sweep: &Run) -> Result<(f64, f64), String> {
+            let p = sweep.pressure_bar.as_deref().ok_or("no pressure")?;
+            let n = p.len() as f64;
+            let (mi, mp) = (sweep.current_a.iter().sum::<f64>() / n, p.iter().sum::<f64>() / n);
+            let (mut top, mut bottom) = (0.0, 0.0);
+            for (i, p) in sweep.current_a.iter().zip(p) {
+                top += (i - mi) * (p - mp);
+                bottom += (i - mi).powi(2);
+            }
+            Ok((top / bottom, mp - top / bottom * mi))
+        }
+        fn diagnose(&mut self, _: &Run, model: &(f64, f64)) -> Result<(Answer, (f64, f64)), String> {
+            Ok((Answer { verdict: Verdict::Match, effects: Vec::new() }, *model))
+        }
+        fn simulate(&mut self, model: &(f64, f64), run: &Run) -> Result<Vec<f64>, String> {
+            Ok(run.current_a.iter().map(|i| model.0 * i + model.1).collect())
+        }
+    }
+
+    #[test]
+    fn who_never_complains_is_right_about_healthy_valves_only() {
+        let healthy = hold_trial(&placed(3, Vec::new()), &mut Line);
+        assert!(healthy.as_ref().is_ok_and(|t| t.score.right && t.misfit.base_bar == t.misfit.floor_bar), "{healthy:?}");
+        let faulty = hold_trial(&placed(3, vec![Concealed { id: "leakage", variant: 0, severity: 1.0 }]), &mut Line);
+        assert!(faulty.as_ref().is_ok_and(|t| !t.score.right && !t.score.in_class && t.score.recovered == Some(0.0)), "{faulty:?}");
+    }
+}
