@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use super::draw::Case;
 use crate::recording::{Recording, RecordingError, Run};
 
 /// What can go wrong outside the arithmetic.
