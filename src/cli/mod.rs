@@ -3,11 +3,8 @@
 //! Data goes to stdout, progress and messages to stderr. The exit codes are part of the contract with scripts
 //! and CI: see [`exit`].
 
-mod accept;
 mod completions;
-mod diff;
-mod explain;
-mod schema;
+mod identify;
 
 use std::io::Write;
 
@@ -77,20 +74,11 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Compare two records, or two folders of records: verdicts first, then figures beyond tolerance.
+    /// Identify a valve model from a recording.
     #[command(
-        after_help = "Examples:\n  hil diff reports/tipin reports/runs/tipin\n  hil diff reports reports/runs --format markdown > diff.md\n  hil diff A B --tolerance rmse=\"5 mbar\"\n\nExit code 1 when anything differs beyond tolerance."
+        after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
     )]
-    Diff(diff::DiffArgs),
-    /// Make a record the accepted one of its plan, under reports/.
-    #[command(after_help = "Example:\n  hil accept reports/runs/tipin")]
-    Accept(accept::AcceptArgs),
-    /// Explain a metric, an effect, a margin, or a key of a plan or of a valve file.
-    #[command(after_help = "Examples:\n  hil explain\n  hil explain settling_time\n  hil explain \"gain margin\"")]
-    Explain(explain::ExplainArgs),
-    /// Print the JSON Schema of a kind of file, for editors.
-    #[command(after_help = "Example:\n  hil schema valve > valve.schema.json")]
-    Schema(schema::SchemaArgs),
+    Identify(identify::IdentifyArgs),
     /// Print a completion script for a shell.
     Completions(completions::CompletionsArgs),
 }
@@ -106,10 +94,7 @@ pub fn main() -> u8 {
         }
     };
     let result: CliResult = match cli.command {
-        Command::Diff(args) => diff::run(&args),
-        Command::Accept(args) => accept::run(&args),
-        Command::Explain(args) => explain::run(&args),
-        Command::Schema(args) => schema::run(&args),
+        Command::Identify(args) => identify::run(&args),
         Command::Completions(args) => completions::run(&args),
     };
     result.unwrap_or_else(|error| {

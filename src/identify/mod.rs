@@ -1,1 +1,126 @@
 //! From a recording to a valve model.
+//!
+//! The base model is that of the paper: a delayed current, two reference curves joined by a hyperbola, a floor at
+//! tank pressure, and where the data show it a first-order lag. All parameters are fitted together to the free-run
+//! simulation error, so that delay and loop width are told apart by whatever the recording holds: turning points,
+//! changing amplitudes, steps, different rates. The method, its sources and its limits: `docs/identify.md`.
+
+mod error;
+mod fit;
+mod model;
+mod outcome;
+mod segment;
+mod select;
+mod start;
+mod survey;
+mod uncertainty;
+mod warnings;
+
+pub use error::IdentifyError;
+pub use outcome::{Identified, Parameter, Trace};
+pub use select::OrderError;
+
+use crate::recording::Recording;
+use fit::Problem;
+use model::Shape;
+use segment::Segment;
+
+/// Whether the model has a hysteresis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum HysteresisChoice {
+    /// As the data show it.
+    #[default]
+    Auto,
+    /// The hyperbola of Eqs. (5)-(8).
+    Hyperbolic,
+    /// None: the average of the curves.
+    None,
+}
+
+/// What a user may fix.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Options {
+    /// Name of the valve; the recording's name where `None`.
+    pub name: Option<String>,
+    /// Order of the curves; by held-out error where `None`.
+    pub order: Option<usize>,
+    /// Whether there is a hysteresis.
+    pub hysteresis: HysteresisChoice,
+    /// SHA-256 of the recording's bytes, hex.
+    pub sha256: Option<String>,
+}
+
+/// Fewest samples with current and pressure.
+const MIN_SAMPLES: usize = 50;
+/// Highest order of the curves.
+pub const MAX_ORDER: usize = 9;
+/// Share of the direction bins that both directions must cover for a hysteresis to be fitted.
+const MIN_BOTH: usize = survey::DIRECTION_BINS * 3 / 20;
+
+/// Identifies a valve model.
+///
+/// # Errors
+/// [`IdentifyError`] where a channel is missing, or the data hold nothing to identify.
+pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, IdentifyError> {
+    if let Some(order) = options.order.filter(|o| !(1..=MAX_ORDER).contains(o)) {
+        return Err(IdentifyError::Option { option: "--order", problem: format!("{order} is not allowed; 1 to {MAX_ORDER} are") });
+    }
+    let mut segments: Vec<Segment> = recording.runs.iter().filter_map(Segment::from_run).filter(|s| s.len() >= 5).collect();
+    let survey = checked_survey(recording, &mut segments)?;
+    let duration_s = segments.iter().map(|s| s.time_s[s.len() - 1] - s.time_s[0]).fold(0.0, f64::max);
+    let step_s = segments[0].step_s;
+    let longest_s = (50.0 * step_s).max(0.5).min(0.25 * duration_s);
+    let problem = Problem::new(&segments, longest_s, (4.0 * longest_s).min(0.25 * duration_s), survey.span_bar);
+    let weights = problem.weights();
+    let hysteresis = match options.hysteresis {
+        HysteresisChoice::Hyperbolic => true,
+        HysteresisChoice::None => false,
+        HysteresisChoice::Auto => survey.both_directions >= MIN_BOTH,
+    };
+    let levels = survey::levels(&segments, &survey);
+    let order = options.order.unwrap_or_else(|| 3.min(levels.saturating_sub(1)).max(1));
+    let shape = Shape { order, hysteresis, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar };
+    let start = start::start(&problem, &shape, &survey, &weights);
+    let (plain, limit) = select::fit_robust(&problem, &shape, &start, &weights, survey.noise_bar, &[8, 8]);
+    let mut fit = select::try_lag(&problem, plain, &weights, survey.noise_bar, limit);
+    let mut orders = Vec::new();
+    if options.order.is_none() {
+        let limit = select::threshold(&fit.residual_bar, &weights, survey.noise_bar);
+        let largest = levels.saturating_sub(1).max(1);
+        let (order, tried) = select::choose_order(&problem, &fit, &weights, limit, largest);
+        orders = tried;
+        let shape = Shape { order, ..fit.shape.clone() };
+        fit.theta = fit.shape.convert(&fit.theta, &shape, 0.0);
+        fit.shape = shape;
+    }
+    let (fit, limit) = select::fit_robust(&problem, &fit.shape, &fit.theta, &weights, survey.noise_bar, &[10, 10]);
+    if !fit.theta.iter().all(|t| t.is_finite()) || !fit.cost.is_finite() {
+        return Err(IdentifyError::NotFinite { source_name: recording.source.clone() });
+    }
+    Ok(outcome::outcome(recording, options, &problem, &survey, &fit, limit, orders))
+}
+
+/// The survey, after everything is refused from which nothing can be identified.
+fn checked_survey(recording: &Recording, segments: &mut [Segment]) -> Result<survey::Survey, IdentifyError> {
+    let source_name = recording.source.clone();
+    let missing = |channel| Err(IdentifyError::MissingChannel { source_name: source_name.clone(), channel });
+    if !recording.runs.iter().any(|r| r.current_a.iter().any(|i| i.is_finite())) {
+        return missing("current_a");
+    }
+    if !recording.runs.iter().any(|r| r.pressure_bar.iter().flatten().any(|p| p.is_finite())) {
+        return missing("pressure_bar");
+    }
+    let found = survey::survey(segments);
+    if found.samples < MIN_SAMPLES {
+        return Err(IdentifyError::TooShort { source_name, samples: found.samples, wanted: MIN_SAMPLES });
+    }
+    let (low, high) = found.recorded_a;
+    let span_a = high - low;
+    if span_a <= 1e-6 * low.abs().max(high.abs()) {
+        return Err(IdentifyError::ConstantCurrent { source_name, span_a, mean_a: 0.5 * (low + high) });
+    }
+    if found.span_bar <= 12.0 * found.noise_bar || found.span_bar <= 0.0 {
+        return Err(IdentifyError::ConstantPressure { source_name, span_bar: found.span_bar, noise_bar: found.noise_bar });
+    }
+    Ok(found)
+}

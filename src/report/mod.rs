@@ -1,8 +1,8 @@
 //! Pure functions of a record: text, JSON, Markdown, JUnit, HTML. They format; they compute nothing.
 
-pub mod diff;
 pub mod format;
 mod html;
+pub mod identify;
 mod json;
 mod junit;
 mod markdown;
@@ -18,4 +18,4 @@ pub use page::page;
 pub use text::{COLUMNS, fold, text};
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

@@ -1,0 +1,297 @@
+//! Levenberg-Marquardt on the free-run simulation error, with Huber's loss and curves kept monotone by a penalty.
+//!
+//! The error is that of the simulation, never of a one-step prediction: a prediction from the last measured
+//! pressure would hide every slow or static error. Sources: K. Levenberg, Quart. Appl. Math. 2 (1944) 164;
+//! D. Marquardt, SIAM J. Appl. Math. 11 (1963) 431; P. J. Huber, Ann. Math. Statist. 35 (1964) 73.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::model::Shape;
+use super::segment::Segment;
+
+/// Points of the range at which the curves are kept rising and apart.
+const GUARDS: usize = 24;
+/// How much worse a violated guard is than the same error in all samples.
+const GUARD_WEIGHT: f64 = 100.0;
+/// Smallest slope of a curve, as a share of the mean slope over the range.
+const MIN_SLOPE: f64 = 0.02;
+
+/// The data and the bounds of a fit.
+pub(super) struct Problem<'a> {
+    /// The segments, simulated each from its own start.
+    pub segments: &'a [Segment],
+    /// Longest delay [s].
+    pub delay_max_s: f64,
+    /// Longest lag [s].
+    pub lag_max_s: f64,
+    /// Range of the pressure [bar], which scales steps and guards.
+    pub span_bar: f64,
+    offsets: Vec<usize>,
+}
+
+/// A fitted parameter vector.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    /// The model's shape.
+    pub shape: Shape,
+    /// The parameters.
+    pub theta: Vec<f64>,
+    /// Weighted sum of Huber's loss [bar^2].
+    pub cost: f64,
+    /// J' W J at the solution.
+    pub normal: DMatrix<f64>,
+    /// Simulated minus measured pressure, NaN where nothing was measured [bar].
+    pub residual_bar: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    /// A problem over `segments`.
+    pub fn new(segments: &'a [Segment], delay_max_s: f64, lag_max_s: f64, span_bar: f64) -> Self {
+        let mut offsets = vec![0];
+        for s in segments {
+            offsets.push(offsets[offsets.len() - 1] + s.len());
+        }
+        Self { segments, delay_max_s, lag_max_s, span_bar, offsets }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.offsets[self.segments.len()]
+    }
+
+    /// The samples of segment `k` in a concatenated vector.
+    pub fn range(&self, k: usize) -> std::ops::Range<usize> {
+        self.offsets[k]..self.offsets[k + 1]
+    }
+
+    /// The weights of the segments, concatenated.
+    pub fn weights(&self) -> Vec<f64> {
+        self.segments.iter().flat_map(|s| s.weight.iter().copied()).collect()
+    }
+
+    /// The current of all segments, delayed.
+    pub fn delayed(&self, delay_s: f64) -> Vec<f64> {
+        let mut out = vec![0.0; self.len()];
+        for (k, s) in self.segments.iter().enumerate() {
+            s.delayed(delay_s, &mut out[self.range(k)]);
+        }
+        out
+    }
+
+    /// The simulated pressure of all segments.
+    pub fn simulate(&self, shape: &Shape, theta: &[f64], delayed_a: &[f64], average: bool) -> Vec<f64> {
+        let mut out = vec![0.0; self.len()];
+        let curves = shape.curves(theta);
+        for (k, s) in self.segments.iter().enumerate() {
+            let range = self.range(k);
+            shape.simulate(theta, &curves, s, &delayed_a[range.clone()], &mut out[range], average);
+        }
+        out
+    }
+
+    /// Simulated minus measured pressure.
+    fn residual(&self, simulated: &mut [f64]) {
+        for (k, s) in self.segments.iter().enumerate() {
+            for (o, p) in simulated[self.range(k)].iter_mut().zip(&s.pressure_bar) {
+                *o -= p;
+            }
+        }
+    }
+
+    /// Huber's loss of the residual and of the guards [bar^2].
+    fn cost(&self, shape: &Shape, theta: &[f64], residual: &[f64], weights: &[f64], threshold_bar: f64) -> f64 {
+        let data: f64 = residual.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(r, w)| w * loss(*r, threshold_bar)).sum();
+        data + self.guards(shape, theta, weights).iter().map(|g| g * g).sum::<f64>()
+    }
+
+    /// Weighted violations of "both curves rise" and "the descending one is above".
+    fn guards(&self, shape: &Shape, theta: &[f64], weights: &[f64]) -> Vec<f64> {
+        let scale = (GUARD_WEIGHT * weights.len() as f64 / GUARDS as f64).sqrt();
+        let (ascending, descending) = shape.polynomials(theta);
+        let (low, high) = shape.range_a;
+        let tenth = 0.1 * (high - low);
+        let least = 0.1 * MIN_SLOPE * self.span_bar;
+        let mut out = Vec::with_capacity(3 * (GUARDS + 1));
+        for k in 0..=GUARDS {
+            let i = low + (high - low) * k as f64 / GUARDS as f64;
+            out.push(scale * (ascending.slope(i) * tenth - least).min(0.0));
+            if shape.hysteresis {
+                out.push(scale * (descending.slope(i) * tenth - least).min(0.0));
+                out.push(scale * (descending.eval(i) - ascending.eval(i)).min(0.0));
+            }
+        }
+        out
+    }
+
+    fn clamp(&self, shape: &Shape, theta: &mut [f64]) {
+        theta[shape.delay()] = theta[shape.delay()].clamp(0.0, self.delay_max_s);
+        if let Some(k) = shape.lag_at() {
+            theta[k] = theta[k].clamp(0.0, self.lag_max_s);
+        }
+        if let Some(k) = shape.ln_a() {
+            let square = 2.0 * self.span_bar.ln();
+            theta[k] = theta[k].clamp(square - 20.0, square);
+        }
+    }
+
+    /// Step of the finite difference of parameter `k`.
+    fn step(&self, shape: &Shape, theta: &[f64], k: usize) -> f64 {
+        let step_s = self.segments.first().map_or(0.01, |s| s.step_s);
+        match k {
+            k if k == shape.delay() => 0.02 * step_s,
+            k if Some(k) == shape.lag_at() => 0.01 * theta[k].max(step_s),
+            k if Some(k) == shape.ln_a() => 1e-3,
+            _ => 1e-5 * self.span_bar,
+        }
+    }
+
+    /// Derivative of the simulated pressure after each parameter, one column each.
+    pub fn jacobian(&self, shape: &Shape, theta: &[f64], delayed_a: &[f64], base: &[f64]) -> Vec<Vec<f64>> {
+        (0..shape.len())
+            .into_par_iter()
+            .map(|k| {
+                let mut moved = theta.to_vec();
+                let step = self.step(shape, theta, k);
+                moved[k] += step;
+                let mut column = if k == shape.delay() {
+                    self.simulate(shape, &moved, &self.delayed(moved[k]), false)
+                } else {
+                    self.simulate(shape, &moved, delayed_a, false)
+                };
+                for (c, b) in column.iter_mut().zip(base) {
+                    *c = (*c - b) / step;
+                }
+                column
+            })
+            .collect()
+    }
+
+    /// Minimises the loss from `start` in at most `iterations` steps.
+    pub fn minimise(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, iterations: usize) -> Fit {
+        let mut theta = start.to_vec();
+        self.clamp(shape, &mut theta);
+        let mut delayed = self.delayed(theta[shape.delay()]);
+        let mut simulated = self.simulate(shape, &theta, &delayed, false);
+        let mut residual = simulated.clone();
+        self.residual(&mut residual);
+        let mut cost = self.cost(shape, &theta, &residual, weights, threshold_bar);
+        let mut damping = 1e-3;
+        let mut normal = DMatrix::zeros(shape.len(), shape.len());
+        for iteration in 0..=iterations {
+            let columns = self.jacobian(shape, &theta, &delayed, &simulated);
+            let (matrix, gradient) = self.normal_equations(shape, &theta, &columns, &residual, weights, threshold_bar);
+            normal = matrix;
+            if iteration == iterations || !cost.is_finite() {
+                break;
+            }
+            let mut improved = false;
+            let before = cost;
+            for _ in 0..8 {
+                let mut damped = normal.clone();
+                let mean = damped.diagonal().max();
+                for k in 0..shape.len() {
+                    damped[(k, k)] += damping * damped[(k, k)].max(1e-12 * mean);
+                }
+                let Some(change) = damped.cholesky().map(|c| c.solve(&gradient)) else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let mut trial: Vec<f64> = theta.iter().zip(change.iter()).map(|(t, c)| t - c).collect();
+                self.clamp(shape, &mut trial);
+                let trial_delayed = self.delayed(trial[shape.delay()]);
+                let trial_simulated = self.simulate(shape, &trial, &trial_delayed, false);
+                let mut trial_residual = trial_simulated.clone();
+                self.residual(&mut trial_residual);
+                let trial_cost = self.cost(shape, &trial, &trial_residual, weights, threshold_bar);
+                if trial_cost < cost {
+                    (theta, delayed, simulated, residual, cost) = (trial, trial_delayed, trial_simulated, trial_residual, trial_cost);
+                    damping = (damping * 0.2).max(1e-9);
+                    improved = true;
+                    break;
+                }
+                damping = (damping * 5.0).max(1e-6);
+            }
+            if !improved || before - cost < 1e-7 * before {
+                break;
+            }
+        }
+        Fit { shape: shape.clone(), theta, cost, normal, residual_bar: residual }
+    }
+
+    fn normal_equations(
+        &self,
+        shape: &Shape,
+        theta: &[f64],
+        columns: &[Vec<f64>],
+        residual: &[f64],
+        weights: &[f64],
+        threshold_bar: f64,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let p = shape.len();
+        // Iteratively reweighted: a residual beyond the threshold counts linearly.
+        let effective: Vec<f64> =
+            residual.iter().zip(weights).map(|(r, w)| if *w > 0.0 { w * (threshold_bar / r.abs()).min(1.0) } else { 0.0 }).collect();
+        let clean: Vec<f64> = residual.iter().zip(&effective).map(|(r, w)| if *w > 0.0 { *r } else { 0.0 }).collect();
+        let rows: Vec<Vec<f64>> = (0..p)
+            .into_par_iter()
+            .map(|a| {
+                let weighted: Vec<f64> = columns[a].iter().zip(&effective).map(|(c, w)| c * w).collect();
+                let mut row: Vec<f64> = (0..=a).map(|b| dot(&weighted, &columns[b])).collect();
+                row.push(dot(&weighted, &clean));
+                row
+            })
+            .collect();
+        let mut matrix = DMatrix::from_fn(p, p, |a, b| rows[a.max(b)][a.min(b)]);
+        let mut gradient = DVector::from_fn(p, |a, _| rows[a][a + 1]);
+        let base = self.guards(shape, theta, weights);
+        if base.iter().any(|g| *g != 0.0) {
+            let step = 1e-5 * self.span_bar;
+            let curve = if shape.hysteresis { 2 * (shape.order + 1) } else { shape.order + 1 };
+            let slopes: Vec<Vec<f64>> = (0..curve)
+                .map(|k| {
+                    let mut moved = theta.to_vec();
+                    moved[k] += step;
+                    self.guards(shape, &moved, weights).iter().zip(&base).map(|(m, b)| (m - b) / step).collect()
+                })
+                .collect();
+            for a in 0..curve {
+                gradient[a] += dot(&slopes[a], &base);
+                for b in 0..curve {
+                    matrix[(a, b)] += dot(&slopes[a], &slopes[b]);
+                }
+            }
+        }
+        (matrix, gradient)
+    }
+}
+
+/// Huber's loss: quadratic up to the threshold, linear beyond [bar^2].
+#[inline]
+pub(super) fn loss(residual_bar: f64, threshold_bar: f64) -> f64 {
+    let size = residual_bar.abs();
+    if size <= threshold_bar { size * size } else { threshold_bar * (2.0 * size - threshold_bar) }
+}
+
+/// A dot product with eight running sums, so that it is vectorised and still the same on every machine.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in a8.zip(b8) {
+        for k in 0..8 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+/// Robust standard deviation of the residual where `weights` is positive: 1.4826 times the median of its size [bar].
+pub(super) fn robust_sigma(residual: &[f64], weights: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = residual.iter().zip(weights).filter(|(r, w)| **w > 0.0 && r.is_finite()).map(|(r, _)| r.abs()).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let middle = sizes.len() / 2;
+    1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+}

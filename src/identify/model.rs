@@ -1,0 +1,187 @@
+//! The base model as a vector of parameters: curves, hyperbola, floor, delay, lag.
+//!
+//! The curves are fitted as mean and half-width in Chebyshev polynomials over the covered range, which keeps the
+//! normal equations well conditioned at any order; they are written as powers of the current, as the paper does.
+
+use super::segment::Segment;
+use crate::valve::{Polynomial, ReferenceCurves, hyperbola_stretches};
+
+/// Which parameters the model has.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shape {
+    /// Order of the curves.
+    pub order: usize,
+    /// Whether the curves differ and a hyperbola joins them.
+    pub hysteresis: bool,
+    /// Whether the pressure has a first-order lag.
+    pub lag: bool,
+    /// Range of current over which the curves are fitted [A].
+    pub range_a: (f64, f64),
+    /// Pressure below which the outlet does not fall [bar].
+    pub floor_bar: Option<f64>,
+}
+
+impl Shape {
+    /// Number of parameters.
+    pub fn len(&self) -> usize {
+        let curve = self.order + 1;
+        curve + if self.hysteresis { curve + 1 } else { 0 } + 1 + usize::from(self.lag)
+    }
+
+    /// Position of ln a.
+    pub fn ln_a(&self) -> Option<usize> {
+        self.hysteresis.then_some(2 * (self.order + 1))
+    }
+
+    /// Position of the delay.
+    pub fn delay(&self) -> usize {
+        self.ln_a().map_or(self.order + 1, |k| k + 1)
+    }
+
+    /// Position of the lag.
+    pub fn lag_at(&self) -> Option<usize> {
+        self.lag.then(|| self.delay() + 1)
+    }
+
+    /// Coefficients of the ascending and of the descending curve, highest power first.
+    pub fn polynomials(&self, theta: &[f64]) -> (Polynomial, Polynomial) {
+        let curve = self.order + 1;
+        let mean = powers(&theta[..curve], self.range_a);
+        if !self.hysteresis {
+            return (Polynomial::new(mean.clone()), Polynomial::new(mean));
+        }
+        let half = powers(&theta[curve..2 * curve], self.range_a);
+        let combine = |sign: f64| mean.iter().zip(&half).map(|(m, h)| m + sign * h).collect::<Vec<_>>();
+        (Polynomial::new(combine(-1.0)), Polynomial::new(combine(1.0)))
+    }
+
+    /// The reference curves.
+    pub fn curves(&self, theta: &[f64]) -> ReferenceCurves {
+        let (ascending, descending) = self.polynomials(theta);
+        ReferenceCurves::on_range(ascending, descending, self.range_a)
+    }
+
+    /// Parameter a of the hyperbola [bar^2].
+    pub fn a_bar2(&self, theta: &[f64]) -> f64 {
+        self.ln_a().map_or(0.0, |k| theta[k].exp())
+    }
+
+    /// The lag [s].
+    pub fn lag_s(&self, theta: &[f64]) -> f64 {
+        self.lag_at().map_or(0.0, |k| theta[k])
+    }
+
+    /// The same parameters for another shape: a higher order has zeros, a lag that appears takes `lag_s`.
+    pub fn convert(&self, theta: &[f64], to: &Shape, lag_s: f64) -> Vec<f64> {
+        let resized = |from: &[f64]| {
+            let mut out = from.to_vec();
+            out.resize(to.order + 1, 0.0);
+            out
+        };
+        let curve = self.order + 1;
+        let mut out = resized(&theta[..curve]);
+        if to.hysteresis {
+            out.extend(if self.hysteresis { resized(&theta[curve..2 * curve]) } else { vec![0.0; to.order + 1] });
+            out.push(self.ln_a().map_or(0.0, |k| theta[k]));
+        }
+        out.push(theta[self.delay()]);
+        if to.lag {
+            out.push(self.lag_at().map_or(lag_s, |k| theta[k]));
+        }
+        out
+    }
+
+    /// Simulates a segment whose delayed current is `delayed_a`; `average` follows the mean of the curves, Eq. (10).
+    pub fn simulate(&self, theta: &[f64], curves: &ReferenceCurves, segment: &Segment, delayed_a: &[f64], out: &mut [f64], average: bool) {
+        if self.hysteresis && !average {
+            let first = delayed_a[0];
+            let (low, high) = (curves.ascending_at(first), curves.descending_at(first));
+            let start = segment.start_bar.max(low.min(high)).min(high.max(low));
+            hyperbola_stretches(curves, self.a_bar2(theta), start, delayed_a, out);
+        } else {
+            for (o, i) in out.iter_mut().zip(delayed_a) {
+                *o = curves.average_at(*i);
+            }
+        }
+        if let Some(floor) = self.floor_bar {
+            for o in out.iter_mut() {
+                *o = o.max(floor);
+            }
+        }
+        segment.lagged(self.lag_s(theta), out);
+    }
+}
+
+/// A Chebyshev series over `range_a` as powers of the current, highest first (Clenshaw's recurrence on polynomials).
+pub(super) fn powers(series: &[f64], range_a: (f64, f64)) -> Vec<f64> {
+    let scale = 2.0 / (range_a.1 - range_a.0);
+    let shift = -(range_a.0 + range_a.1) / (range_a.1 - range_a.0);
+    let n = series.len();
+    let times_x = |p: &[f64], factor: f64| {
+        let mut out = vec![0.0; n + 1];
+        for (k, c) in p.iter().enumerate().take(n) {
+            out[k] += factor * shift * c;
+            out[k + 1] += factor * scale * c;
+        }
+        out
+    };
+    let (mut b1, mut b2) = (vec![0.0; n + 1], vec![0.0; n + 1]);
+    for k in (1..n).rev() {
+        let mut b = times_x(&b1, 2.0);
+        for (j, v) in b.iter_mut().enumerate() {
+            *v -= b2[j];
+        }
+        b[0] += series[k];
+        b2 = std::mem::replace(&mut b1, b);
+    }
+    let mut out = times_x(&b1, 1.0);
+    for (j, v) in out.iter_mut().enumerate() {
+        *v -= b2[j];
+    }
+    if n > 0 {
+        out[0] += series[0];
+    }
+    out.truncate(n);
+    out.reverse();
+    out
+}
+
+/// Values of the Chebyshev polynomials of order 0 to `out.len() - 1` at `x` in [-1, 1].
+pub(super) fn chebyshev(x: f64, out: &mut [f64]) {
+    for k in 0..out.len() {
+        out[k] = match k {
+            0 => 1.0,
+            1 => x,
+            _ => 2.0 * x * out[k - 1] - out[k - 2],
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn powers_and_series_have_the_same_values(series in prop::collection::vec(-5.0f64..5.0, 1..8), i in 0.1f64..0.9) {
+            let range = (0.1, 0.9);
+            let x = (2.0 * i - range.0 - range.1) / (range.1 - range.0);
+            let mut basis = vec![0.0; series.len()];
+            chebyshev(x, &mut basis);
+            let direct: f64 = basis.iter().zip(&series).map(|(b, c)| b * c).sum();
+            prop_assert!((Polynomial::new(powers(&series, range)).eval(i) - direct).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn a_higher_order_keeps_the_values() {
+        let low = Shape { order: 1, hysteresis: true, lag: false, range_a: (0.2, 0.8), floor_bar: None };
+        let high = Shape { order: 4, lag: true, ..low.clone() };
+        let theta = [10.0, 8.0, 0.4, 0.1, -1.0, 0.02];
+        let converted = low.convert(&theta, &high, 0.005);
+        assert_eq!(converted.len(), high.len());
+        assert!((high.curves(&converted).ascending_at(0.3) - low.curves(&theta).ascending_at(0.3)).abs() < 1e-12);
+        assert_eq!((high.a_bar2(&converted), high.lag_s(&converted)), (low.a_bar2(&theta), 0.005));
+    }
+}

@@ -1,0 +1,250 @@
+//! What identification hands over: the valve, how well it fits, how sure its parameters are.
+
+use super::fit::{Fit, Problem};
+use super::model::powers;
+use super::select::OrderError;
+use super::survey::{Survey, play};
+use super::uncertainty::{covariance, error_of};
+use super::{Options, warnings};
+use crate::recording::Recording;
+use crate::units::{self, Current, Pressure};
+use crate::valve::{Hysteresis, Identification, ParameterEstimate, Valve};
+
+/// A parameter with its uncertainty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Name: `a`, `delay`, `lag`, `ascending_c3`, ..
+    pub name: String,
+    /// Estimate in `unit`.
+    pub value: f64,
+    /// One standard deviation, in `unit`; infinite where the data do not carry the parameter.
+    pub std_error: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// Measured and simulated pressure of one run, for a report.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// Name of the run.
+    pub run: Option<String>,
+    /// Time [s].
+    pub time_s: Vec<f64>,
+    /// Current, delayed as in the model [A].
+    pub delayed_current_a: Vec<f64>,
+    /// Measured pressure [bar].
+    pub measured_bar: Vec<f64>,
+    /// Simulated pressure [bar].
+    pub simulated_bar: Vec<f64>,
+}
+
+/// An identified model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identified {
+    /// The model, ready to be written.
+    pub valve: Valve,
+    /// Share of the variance of the pressure that the model explains while the current rises.
+    pub r2_ascending: Option<f64>,
+    /// The same while the current falls.
+    pub r2_descending: Option<f64>,
+    /// RMSE of the simulation over all recorded samples [bar].
+    pub rmse_bar: f64,
+    /// RMSE over the samples that were fitted, without outliers and flat top [bar].
+    pub rmse_fitted_bar: f64,
+    /// RMSE of the average model, Eq. (10), over all recorded samples [bar].
+    pub rmse_average_model_bar: f64,
+    /// The parameters with their standard errors.
+    pub parameters: Vec<Parameter>,
+    /// Correlation time of the residual [samples]; standard errors are inflated by its root.
+    pub correlation_time_samples: f64,
+    /// Held-out error of every order that was tried; empty where the order was given.
+    pub orders: Vec<OrderError>,
+    /// What was found and handled.
+    pub notes: Vec<String>,
+    /// What the data cannot carry.
+    pub warnings: Vec<String>,
+    /// Measured and simulated pressure for a report.
+    pub traces: Vec<Trace>,
+}
+
+pub(super) fn outcome(
+    recording: &Recording,
+    options: &Options,
+    problem: &Problem<'_>,
+    survey: &Survey,
+    fit: &Fit,
+    limit: f64,
+    orders: Vec<OrderError>,
+) -> Identified {
+    let shape = &fit.shape;
+    let weights = problem.weights();
+    let (covariance, time) = covariance(problem, fit, &weights, limit);
+    let parameters = parameters(fit, &covariance);
+    let delay_s = fit.theta[shape.delay()];
+    let delayed = problem.delayed(delay_s);
+    let simulated = problem.simulate(shape, &fit.theta, &delayed, false);
+    let average = problem.simulate(shape, &fit.theta, &delayed, true);
+    let error_of_delay = parameters.iter().find(|p| p.name == "delay").map_or(0.0, |p| p.std_error);
+    let margin_s = (2.0 * error_of_delay).clamp(0.005, problem.delay_max_s.max(0.005));
+    let stem = std::path::Path::new(&recording.source).file_stem().map(|s| s.to_string_lossy().into_owned());
+    let name = options.name.clone().or(stem).unwrap_or_else(|| "identified".into());
+    let hysteresis = if shape.hysteresis { Hysteresis::Hyperbolic { a_bar2: shape.a_bar2(&fit.theta) } } else { Hysteresis::None };
+    let mut valve = Valve {
+        name,
+        source: format!("identified from {}", recording.source),
+        curves: shape.curves(&fit.theta),
+        hysteresis,
+        delay_s,
+        delay_range_s: ((delay_s - margin_s).max(0.0), delay_s + margin_s),
+        lag_s: shape.lag_s(&fit.theta),
+        current_limits_a: survey.recorded_a,
+        floor_bar: survey.floor_bar,
+        noise_bar: survey.noise_bar,
+        effects: Vec::new(),
+        identification: None,
+    };
+    let ones: Vec<f64> =
+        problem.segments.iter().flat_map(|s| s.pressure_bar.iter().map(|p| if p.is_finite() { 1.0 } else { 0.0 })).collect();
+    let rmse_bar = rmse(problem, &simulated, &ones);
+    let rmse_average_model_bar = rmse(problem, &average, &ones);
+    let (r2_ascending, r2_descending) = branches(problem, survey, &delayed, &simulated);
+    let notes = warnings::notes(recording, problem, survey, fit, &valve);
+    let warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
+    valve.identification = Some(Identification {
+        recording: recording.source.clone(),
+        sha256: options.sha256.clone(),
+        rmse: Some(Pressure::new(rmse_bar)),
+        rmse_average_model: Some(Pressure::new(rmse_average_model_bar)),
+        covered: Some((Current::new(survey.covered_a.0), Current::new(survey.covered_a.1))),
+        parameters: parameters
+            .iter()
+            .map(|p| (p.name.clone(), ParameterEstimate { value: quantity(p.value, &p.unit), std_error: quantity(p.std_error, &p.unit) }))
+            .collect(),
+        warnings: warnings.clone(),
+    });
+    let traces = problem
+        .segments
+        .iter()
+        .enumerate()
+        .map(|(k, s)| Trace {
+            run: s.run.clone(),
+            time_s: s.time_s.clone(),
+            delayed_current_a: delayed[problem.range(k)].to_vec(),
+            measured_bar: s.pressure_bar.clone(),
+            simulated_bar: simulated[problem.range(k)].to_vec(),
+        })
+        .collect();
+    Identified {
+        valve,
+        r2_ascending,
+        r2_descending,
+        rmse_bar,
+        rmse_fitted_bar: rmse(problem, &simulated, &weights),
+        rmse_average_model_bar,
+        parameters,
+        correlation_time_samples: time,
+        orders,
+        notes,
+        warnings,
+        traces,
+    }
+}
+
+/// A value with its unit, in five significant digits.
+fn quantity(value: f64, unit: &str) -> String {
+    let digits = if value == 0.0 || !value.is_finite() { 0 } else { (4 - value.abs().log10().floor() as i32).clamp(0, 12) as usize };
+    format!("{value:.digits$} {unit}")
+}
+
+/// The parameters as they are reported, with errors carried over by the linear map from the fitted ones.
+fn parameters(fit: &Fit, covariance: &nalgebra::DMatrix<f64>) -> Vec<Parameter> {
+    let shape = &fit.shape;
+    let curve = shape.order + 1;
+    let mut out = Vec::new();
+    let (ascending, descending) = shape.polynomials(&fit.theta);
+    // The power coefficients of each Chebyshev polynomial: the columns of the linear map.
+    let columns: Vec<Vec<f64>> = (0..curve)
+        .map(|k| {
+            let mut unit = vec![0.0; curve];
+            unit[k] = 1.0;
+            powers(&unit, shape.range_a)
+        })
+        .collect();
+    let mut add_curve = |name: &str, coefficients: &[f64], sign: f64| {
+        for (row, value) in coefficients.iter().enumerate() {
+            let power = shape.order - row;
+            let mut direction = vec![0.0; shape.len()];
+            for k in 0..curve {
+                direction[k] = columns[k][row];
+                if shape.hysteresis {
+                    direction[curve + k] = sign * columns[k][row];
+                }
+            }
+            let unit = match power {
+                0 => "bar".to_string(),
+                1 => "bar/A".to_string(),
+                _ => format!("bar/A^{power}"),
+            };
+            out.push(Parameter { name: format!("{name}_c{power}"), value: *value, std_error: error_of(covariance, &direction), unit });
+        }
+    };
+    if shape.hysteresis {
+        add_curve("ascending", &ascending.coefficients, -1.0);
+        add_curve("descending", &descending.coefficients, 1.0);
+    } else {
+        add_curve("curve", &ascending.coefficients, 0.0);
+    }
+    if let Some(k) = shape.ln_a() {
+        let a = fit.theta[k].exp();
+        out.push(Parameter {
+            name: "a".into(),
+            value: a,
+            std_error: a * covariance[(k, k)].sqrt(),
+            unit: units::PRESSURE_SQUARED.symbol.into(),
+        });
+    }
+    let k = shape.delay();
+    out.push(Parameter { name: "delay".into(), value: fit.theta[k], std_error: covariance[(k, k)].sqrt(), unit: "s".into() });
+    if let Some(k) = shape.lag_at() {
+        out.push(Parameter { name: "lag".into(), value: fit.theta[k], std_error: covariance[(k, k)].sqrt(), unit: "s".into() });
+    }
+    out
+}
+
+fn rmse(problem: &Problem<'_>, simulated: &[f64], weights: &[f64]) -> f64 {
+    let measured = problem.segments.iter().flat_map(|s| &s.pressure_bar);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for ((s, p), w) in simulated.iter().zip(measured).zip(weights) {
+        if *w > 0.0 {
+            sum += (s - p) * (s - p);
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
+}
+
+/// R^2 of the simulation above the floor, for rising and for falling current.
+fn branches(problem: &Problem<'_>, survey: &Survey, delayed: &[f64], simulated: &[f64]) -> (Option<f64>, Option<f64>) {
+    let above = survey.floor_bar.map_or(f64::NEG_INFINITY, |f| f + 4.0 * survey.noise_bar);
+    let mut sums = [[0.0f64; 4]; 2];
+    for (k, s) in problem.segments.iter().enumerate() {
+        let range = problem.range(k);
+        let state = play(&delayed[range.clone()], 0.02 * (survey.covered_a.1 - survey.covered_a.0));
+        for (j, at) in range.enumerate() {
+            let p = s.pressure_bar[j];
+            if s.weight[j] <= 0.0 || p <= above || state[j].abs() < 0.999 {
+                continue;
+            }
+            let sum = &mut sums[usize::from(state[j] < 0.0)];
+            sum[0] += 1.0;
+            sum[1] += p;
+            sum[2] += p * p;
+            sum[3] += (simulated[at] - p) * (simulated[at] - p);
+        }
+    }
+    let r2 = |s: [f64; 4]| {
+        let total = s[2] - s[1] * s[1] / s[0];
+        (s[0] > 10.0 && total > 0.0).then(|| 1.0 - s[3] / total)
+    };
+    (r2(sums[0]), r2(sums[1]))
+}

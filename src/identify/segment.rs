@@ -1,0 +1,160 @@
+//! What the fit works on: stretches of a recording with gaps held, outliers marked and a start of their own.
+
+use crate::recording::Run;
+
+/// A gap longer than this many steps holds the current instead of drawing a line through it.
+const GAP_STEPS: f64 = 3.0;
+
+/// A stretch that is simulated from its own start.
+#[derive(Debug, Clone)]
+pub(super) struct Segment {
+    /// Name of the run.
+    pub run: Option<String>,
+    /// Time [s].
+    pub time_s: Vec<f64>,
+    /// Current, held where it was not recorded [A].
+    pub current_a: Vec<f64>,
+    /// Measured pressure [bar]; NaN where it was not recorded.
+    pub pressure_bar: Vec<f64>,
+    /// Weight of each sample in the fit, 0 where it is left out.
+    pub weight: Vec<f64>,
+    /// Pressure measured at the start [bar].
+    pub start_bar: f64,
+    /// Median step [s].
+    pub step_s: f64,
+    /// Whether all steps are equal.
+    uniform: bool,
+}
+
+impl Segment {
+    /// A segment from a run; `None` where current and pressure never stand side by side.
+    pub fn from_run(run: &Run) -> Option<Self> {
+        let pressure = run.pressure_bar.as_ref()?;
+        let first = run.current_a.iter().zip(pressure).position(|(i, p)| i.is_finite() && p.is_finite())?;
+        let time_s = run.time_s[first..].to_vec();
+        let mut current_a = run.current_a[first..].to_vec();
+        let mut held = current_a[0];
+        for i in &mut current_a {
+            if i.is_finite() {
+                held = *i;
+            } else {
+                *i = held;
+            }
+        }
+        Some(Self::new(run.name.clone(), time_s, current_a, pressure[first..].to_vec(), run.step_s()))
+    }
+
+    fn new(run: Option<String>, time_s: Vec<f64>, current_a: Vec<f64>, pressure_bar: Vec<f64>, step_s: f64) -> Self {
+        let uniform = time_s.windows(2).all(|w| ((w[1] - w[0]) - step_s).abs() <= 1e-4 * step_s);
+        let weight = pressure_bar.iter().map(|p| if p.is_finite() { 1.0 } else { 0.0 }).collect();
+        let mut first: Vec<f64> = pressure_bar.iter().copied().filter(|p| p.is_finite()).take(5).collect();
+        first.sort_by(f64::total_cmp);
+        let start_bar = first.get(first.len() / 2).copied().unwrap_or(0.0);
+        Self { run, time_s, current_a, pressure_bar, weight, start_bar, step_s, uniform }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// The current `delay_s` earlier, on a line between the samples, held over gaps and before the start.
+    pub fn delayed(&self, delay_s: f64, out: &mut [f64]) {
+        let n = self.len();
+        let current = &self.current_a;
+        if self.uniform && self.step_s > 0.0 {
+            let steps = (delay_s / self.step_s).max(0.0);
+            let whole = (steps.floor() as usize).min(n);
+            let part = steps - steps.floor();
+            out[..(whole + 1).min(n)].fill(current[0]);
+            if whole < n {
+                out[whole] = current[0];
+                for (k, o) in out.iter_mut().enumerate().skip(whole + 1) {
+                    let later = current[k - whole];
+                    *o = later + part * (current[k - whole - 1] - later);
+                }
+            }
+            return;
+        }
+        let mut j = 0;
+        for (k, o) in out.iter_mut().enumerate().take(n) {
+            let t = self.time_s[k] - delay_s;
+            while j + 1 < n && self.time_s[j + 1] <= t {
+                j += 1;
+            }
+            *o = if j + 1 >= n || t <= self.time_s[0] {
+                current[j]
+            } else {
+                let to = self.time_s[j + 1];
+                let from = if to - self.time_s[j] > GAP_STEPS * self.step_s { to - self.step_s } else { self.time_s[j] };
+                let share = ((t - from) / (to - from)).clamp(0.0, 1.0);
+                current[j] + share * (current[j + 1] - current[j])
+            };
+        }
+    }
+
+    /// A first-order lag of time constant `lag_s` over `values`, in place, exact for an input held over each step.
+    pub fn lagged(&self, lag_s: f64, values: &mut [f64]) {
+        if lag_s <= 0.0 {
+            return;
+        }
+        let (mut step, mut share) = (f64::NAN, 0.0);
+        let Some(mut y) = values.first().copied() else { return };
+        for k in 1..values.len() {
+            let h = if self.uniform { self.step_s } else { self.time_s[k] - self.time_s[k - 1] };
+            if h != step {
+                step = h;
+                share = -(-h / lag_s).exp_m1();
+            }
+            y += share * (values[k] - y);
+            values[k] = y;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segment(time_s: Vec<f64>, current_a: Vec<f64>) -> Segment {
+        let pressure = vec![1.0; time_s.len()];
+        Segment::from_run(&Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() }).unwrap()
+    }
+
+    #[test]
+    fn a_ramp_is_delayed_by_a_fraction_of_a_step() {
+        let s = segment((0..20).map(|k| k as f64 * 0.01).collect(), (0..20).map(|k| k as f64).collect());
+        let mut out = vec![0.0; 20];
+        s.delayed(0.0125, &mut out);
+        assert_eq!(out[0], 0.0);
+        assert!((out[10] - 8.75).abs() < 1e-9, "{out:?}");
+        // The same run with one step that differs takes the general way.
+        let mut uneven = s.clone();
+        uneven.uniform = false;
+        let mut general = vec![0.0; 20];
+        uneven.delayed(0.0125, &mut general);
+        for (a, b) in out.iter().zip(&general).skip(2) {
+            assert!((a - b).abs() < 1e-9, "{out:?} {general:?}");
+        }
+        assert!((general[1] - 0.0).abs() < 1e-12 && (general[2] - 0.75).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_current_is_held_over_a_gap() {
+        let s = segment(vec![0.0, 0.01, 0.02, 0.03, 5.0, 5.01], vec![1.0, 1.0, 1.0, 1.0, 0.0, 0.0]);
+        let mut out = vec![0.0; 6];
+        s.delayed(0.02, &mut out);
+        assert_eq!(out[4], 1.0);
+        s.delayed(0.005, &mut out);
+        assert!((out[4] - 0.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_lag_reaches_the_known_share_of_a_step_after_its_time_constant() {
+        let s = segment((0..200).map(|k| k as f64 * 0.001).collect(), vec![0.5; 200]);
+        let mut values = vec![1.0; 200];
+        values[0] = 0.0;
+        s.lagged(0.05, &mut values);
+        assert!((values[50] - (1.0 - (-1.0f64).exp())).abs() < 1e-12);
+    }
+}

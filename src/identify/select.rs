@@ -1,0 +1,149 @@
+//! Which parameters the data carry: a lag or none, the order of the curves by held-out error.
+
+use super::fit::{Fit, Problem, loss, robust_sigma};
+use super::model::Shape;
+
+/// Huber's threshold in robust deviations of the residual: a step that the model misses stays in, with less weight.
+const THRESHOLD_SIGMAS: f64 = 4.0;
+/// Orders of the curves that are tried.
+const ORDERS: std::ops::RangeInclusive<usize> = 1..=7;
+/// A higher order must lower the held-out loss by this share.
+const ORDER_GAIN: f64 = 0.01;
+/// Blocks into which a recording is cut for the held-out error.
+const BLOCKS: usize = 40;
+/// Gain in the Bayesian information criterion that a lag must bring: "strong" (Kass and Raftery 1995).
+const LAG_GAIN: f64 = 6.0;
+
+/// Huber's threshold for a residual [bar].
+pub(super) fn threshold(residual: &[f64], weights: &[f64], noise_bar: f64) -> f64 {
+    THRESHOLD_SIGMAS * robust_sigma(residual, weights).max(noise_bar).max(1e-9)
+}
+
+/// Rounds of fit and new threshold.
+pub(super) fn fit_robust(
+    problem: &Problem<'_>,
+    shape: &Shape,
+    start: &[f64],
+    weights: &[f64],
+    noise_bar: f64,
+    iterations: &[usize],
+) -> (Fit, f64) {
+    let mut theta = start.to_vec();
+    let mut limit = f64::INFINITY;
+    let mut fit = problem.minimise(shape, &theta, weights, limit, 0);
+    for n in iterations {
+        limit = threshold(&fit.residual_bar, weights, noise_bar);
+        fit = problem.minimise(shape, &theta, weights, limit, *n);
+        theta.clone_from(&fit.theta);
+    }
+    (fit, limit)
+}
+
+/// Correlation time of the residual in samples: 1 + 2 times the sum of its autocorrelation up to the first value
+/// below 0.05.
+pub(super) fn correlation_time(problem: &Problem<'_>, residual: &[f64], weights: &[f64], threshold_bar: f64) -> f64 {
+    let clean: Vec<f64> =
+        residual.iter().zip(weights).map(|(r, w)| if *w > 0.0 { r.clamp(-threshold_bar, threshold_bar) } else { 0.0 }).collect();
+    let variance: f64 = clean.iter().map(|r| r * r).sum();
+    if variance <= 0.0 {
+        return 1.0;
+    }
+    let mut time = 1.0;
+    let longest = (clean.len() / 4).min(2000);
+    let mut lag = 1;
+    let mut width = 1;
+    while lag < longest {
+        let mut sum = 0.0;
+        for k in 0..problem.segments.len() {
+            let part = &clean[problem.range(k)];
+            if part.len() > lag {
+                sum += part[lag..].iter().zip(part).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
+        let rho = sum / variance;
+        if rho < 0.05 {
+            break;
+        }
+        time += 2.0 * rho * width as f64;
+        // Far from zero the correlation changes slowly: every few lags are enough.
+        width = (lag / 16).max(1);
+        lag += width;
+    }
+    time
+}
+
+/// Adds a lag to the model where the data show one beyond doubt.
+pub(super) fn try_lag(problem: &Problem<'_>, plain: Fit, weights: &[f64], noise_bar: f64, limit: f64) -> Fit {
+    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+    let shape = Shape { lag: true, ..plain.shape.clone() };
+    let delay_s = plain.theta[plain.shape.delay()];
+    let starts = [(0.8, 0.3), (0.5, 0.6), (0.2, 1.0), (1.0, 0.2), (0.8, 2.0), (0.5, 5.0)];
+    let mut best: Option<Fit> = None;
+    for (share, lag_share) in starts {
+        let mut theta = plain.shape.convert(&plain.theta, &shape, (lag_share * delay_s).max(0.5 * step_s));
+        theta[shape.delay()] = share * delay_s;
+        let fit = problem.minimise(&shape, &theta, weights, limit, 2);
+        if best.as_ref().is_none_or(|b| fit.cost < b.cost) {
+            best = Some(fit);
+        }
+    }
+    let Some(best) = best else { return plain };
+    let lagged = problem.minimise(&shape, &best.theta, weights, limit, 15);
+    let n = weights.iter().filter(|w| **w > 0.0).count() as f64;
+    let independent = n / correlation_time(problem, &lagged.residual_bar, weights, limit);
+    let gain = independent * (plain.cost / lagged.cost).ln() - independent.max(2.0).ln();
+    let lag_s = lagged.shape.lag_s(&lagged.theta);
+    if gain > LAG_GAIN && lag_s > 0.05 * step_s { fit_robust(problem, &shape, &lagged.theta, weights, noise_bar, &[10]).0 } else { plain }
+}
+
+/// Held-out error of one order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OrderError {
+    /// Order of both curves.
+    pub order: usize,
+    /// Held-out error, robust against single samples [bar].
+    pub heldout_bar: f64,
+}
+
+/// Finds the order of the curves by two-fold held-out error over alternating blocks (or runs).
+pub(super) fn choose_order(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64, largest: usize) -> (usize, Vec<OrderError>) {
+    let folds = folds(problem, &fit.shape);
+    let mut tried: Vec<OrderError> = Vec::new();
+    let count = weights.iter().filter(|w| **w > 0.0).count().max(1) as f64;
+    for order in ORDERS.filter(|o| *o <= largest) {
+        let shape = Shape { order, ..fit.shape.clone() };
+        let start = fit.shape.convert(&fit.theta, &shape, 0.0);
+        let mut sum = 0.0;
+        for held in [false, true] {
+            let train: Vec<f64> = weights.iter().zip(&folds).map(|(w, f)| if *f == held { 0.0 } else { *w }).collect();
+            let trained = problem.minimise(&shape, &start, &train, limit, 4);
+            sum += trained
+                .residual_bar
+                .iter()
+                .zip(weights)
+                .zip(&folds)
+                .filter(|((_, w), f)| **w > 0.0 && **f == held)
+                .map(|((r, w), _)| w * loss(*r, limit))
+                .sum::<f64>();
+        }
+        tried.push(OrderError { order, heldout_bar: (sum / count).sqrt() });
+    }
+    let best = tried.iter().map(|t| t.heldout_bar).fold(f64::INFINITY, f64::min);
+    let order = tried.iter().find(|t| t.heldout_bar <= best * (1.0 + ORDER_GAIN)).map_or(fit.shape.order, |t| t.order);
+    (order, tried)
+}
+
+/// Which samples belong to the second fold. Step tests hold one level per run, so whole runs are held out.
+fn folds(problem: &Problem<'_>, shape: &Shape) -> Vec<bool> {
+    let by_run = !shape.hysteresis && problem.segments.len() >= 3;
+    let block = (problem.len() / BLOCKS).max(20);
+    let mut out = Vec::with_capacity(problem.len());
+    for (k, s) in problem.segments.iter().enumerate() {
+        out.extend((0..s.len()).map(|j| if by_run { k % 2 == 1 } else { (out_index(problem, k) + j) / block % 2 == 1 }));
+    }
+    out
+}
+
+fn out_index(problem: &Problem<'_>, segment: usize) -> usize {
+    problem.range(segment).start
+}

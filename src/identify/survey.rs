@@ -1,0 +1,292 @@
+//! What a recording holds before anything is fitted: noise, outliers, flat bottom and top, covered range, directions.
+
+use super::segment::Segment;
+
+/// Share of the second differences that is cut off as not noise; the factor restores a Gaussian's deviation.
+const NOISE_CUT: (f64, f64) = (0.10, 0.7893);
+/// Half-width of the window of the outlier test, in samples.
+const OUTLIER_HALF_WINDOW: usize = 2;
+/// An outlier is this many noise deviations away from the median of its neighbours.
+const OUTLIER_SIGMAS: f64 = 8.0;
+/// Half-width of the steadiness test, in samples.
+const STEADY_HALF_WINDOW: usize = 5;
+/// A direction of the current counts after it has moved by this share of its range.
+const PLAY_SHARE: f64 = 0.02;
+/// Bins of the current in which both directions must have been seen.
+pub(super) const DIRECTION_BINS: usize = 20;
+
+/// The findings.
+#[derive(Debug, Clone)]
+pub(super) struct Survey {
+    /// Range of the pressure, without outliers [bar].
+    pub span_bar: f64,
+    /// Deviation of the sensor noise, from second differences [bar].
+    pub noise_bar: f64,
+    /// Level of a flat bottom [bar].
+    pub floor_bar: Option<f64>,
+    /// Level of a flat top [bar].
+    pub ceiling_bar: Option<f64>,
+    /// Range of all recorded currents [A].
+    pub recorded_a: (f64, f64),
+    /// Range of current in which the curves can be seen [A].
+    pub covered_a: (f64, f64),
+    /// Samples marked as outliers.
+    pub outliers: usize,
+    /// Samples that lie on the flat top.
+    pub on_ceiling: usize,
+    /// Samples that are steady enough to lie on a static curve.
+    pub steady: usize,
+    /// Samples with current and pressure.
+    pub samples: usize,
+    /// Bins of the covered current in which rising and falling currents were both seen.
+    pub both_directions: usize,
+    /// Median speed of the moving current [A/s].
+    pub rate_a_per_s: f64,
+    /// Reversals of the current by more than the play.
+    pub reversals: usize,
+    /// Steps: the current jumped by more than 5 % of its range from one sample to the next.
+    pub steps: usize,
+}
+
+/// Looks at the segments, and sets the weight of outliers and of samples on a flat top to 0.
+pub(super) fn survey(segments: &mut [Segment]) -> Survey {
+    let noise_bar = noise(segments, f64::NEG_INFINITY);
+    let mut pressures = sorted(segments.iter().flat_map(|s| s.pressure_bar.iter().copied()));
+    let span = |p: &[f64]| quantile(p, 0.999) - quantile(p, 0.001);
+    let outliers = segments.iter_mut().map(|s| mark_outliers(s, (OUTLIER_SIGMAS * noise_bar).max(0.005 * span(&pressures)))).sum();
+    pressures = sorted(segments.iter().flat_map(|s| used(s).map(|k| s.pressure_bar[k])));
+    let samples = pressures.len();
+    let span_bar = pressures.last().copied().unwrap_or(0.0) - pressures.first().copied().unwrap_or(0.0);
+    let currents = sorted(segments.iter().flat_map(|s| s.current_a.iter().copied()));
+    let recorded_a = (currents.first().copied().unwrap_or(0.0), currents.last().copied().unwrap_or(0.0));
+    let floor_bar = floor(&pressures, noise_bar, span_bar);
+    let noise_bar = match floor_bar {
+        // At the floor a sensor may be cut at zero and show less noise than it has.
+        Some(level) => Some(noise(segments, level + 6.0 * noise_bar)).filter(|n| *n > 0.0).unwrap_or(noise_bar),
+        None => noise_bar,
+    };
+    let ceiling_bar = ceiling(segments, &pressures, noise_bar, span_bar, recorded_a);
+    let mut on_ceiling = 0;
+    if let Some(level) = ceiling_bar {
+        for s in segments.iter_mut() {
+            for (w, p) in s.weight.iter_mut().zip(&s.pressure_bar) {
+                if *w > 0.0 && *p > level - 5.0 * noise_bar - 0.002 * span_bar {
+                    *w = 0.0;
+                    on_ceiling += 1;
+                }
+            }
+        }
+    }
+    let above = floor_bar.map_or(f64::NEG_INFINITY, |f| f + (4.0 * noise_bar).max(0.003 * span_bar));
+    let tolerance = (6.0 * noise_bar).max(0.015 * span_bar);
+    let steady_of = |s: &Segment| -> Vec<bool> { (0..s.len()).map(|k| s.weight[k] > 0.0 && is_steady(s, k, tolerance)).collect() };
+    let steady: Vec<Vec<bool>> = segments.iter().map(steady_of).collect();
+    let steady_count = steady.iter().flatten().filter(|s| **s).count();
+    let enough = steady_count * 10 > samples;
+    let (mut lows, mut highs) = (Vec::new(), Vec::new());
+    for (s, steady) in segments.iter().zip(&steady) {
+        for k in used(s).filter(|k| s.pressure_bar[*k] > above && (steady[*k] || !enough)) {
+            // The pressure answers the current of a moment ago: take the widest current of the last samples.
+            let recent = &s.current_a[k.saturating_sub(2 * STEADY_HALF_WINDOW)..=k];
+            lows.push(recent.iter().copied().fold(f64::NEG_INFINITY, f64::max));
+            highs.push(recent.iter().copied().fold(f64::INFINITY, f64::min));
+        }
+    }
+    let (lows, highs) = (sorted(lows), sorted(highs));
+    let mut covered_a = (quantile(&lows, 0.001), quantile(&highs, 0.999));
+    if covered_a.0.partial_cmp(&covered_a.1) != Some(std::cmp::Ordering::Less) {
+        covered_a = recorded_a;
+    }
+    let directions = directions(segments, covered_a, above);
+    Survey {
+        span_bar,
+        noise_bar,
+        floor_bar,
+        ceiling_bar,
+        recorded_a,
+        covered_a,
+        outliers,
+        on_ceiling,
+        steady: steady_count,
+        samples,
+        both_directions: directions.0,
+        rate_a_per_s: rate(segments, recorded_a),
+        reversals: directions.1,
+        steps: segments.iter().map(|s| jumps(&s.current_a, 0.05 * (recorded_a.1 - recorded_a.0))).sum(),
+    }
+}
+
+/// The samples that count.
+fn used(s: &Segment) -> impl Iterator<Item = usize> + '_ {
+    (0..s.len()).filter(|k| s.weight[*k] > 0.0)
+}
+
+fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let mut v: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
+    v.sort_unstable_by(f64::total_cmp);
+    v
+}
+
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    match sorted.len() {
+        0 => 0.0,
+        n => sorted[((n - 1) as f64 * share).round() as usize],
+    }
+}
+
+/// Noise from second differences, which a slow signal does not reach.
+fn noise(segments: &[Segment], above_bar: f64) -> f64 {
+    let mut sizes: Vec<f64> = Vec::new();
+    for s in segments {
+        for p in s.pressure_bar.windows(3) {
+            if p[0] > above_bar && p[1] > above_bar && p[2] > above_bar {
+                sizes.push((p[0] - 2.0 * p[1] + p[2]).abs());
+            }
+        }
+    }
+    sizes.sort_unstable_by(f64::total_cmp);
+    let kept = (sizes.len() as f64 * (1.0 - NOISE_CUT.0)) as usize;
+    if kept < 10 {
+        return 0.0;
+    }
+    let square: f64 = sizes[..kept].iter().map(|d| d * d).sum::<f64>() / kept as f64;
+    (square / 6.0).sqrt() / NOISE_CUT.1
+}
+
+/// Samples far from the median of their neighbours. On a monotone stretch, however steep, the median is the
+/// sample itself, so that a step is never an outlier.
+fn mark_outliers(s: &mut Segment, limit_bar: f64) -> usize {
+    let mut count = 0;
+    if limit_bar <= 0.0 {
+        return 0;
+    }
+    for k in OUTLIER_HALF_WINDOW..s.len().saturating_sub(OUTLIER_HALF_WINDOW) {
+        let mut window: [f64; 5] = std::array::from_fn(|j| s.pressure_bar[k + j - OUTLIER_HALF_WINDOW]);
+        if window.iter().any(|p| !p.is_finite()) {
+            continue;
+        }
+        window.sort_unstable_by(f64::total_cmp);
+        if (s.pressure_bar[k] - window[2]).abs() > limit_bar {
+            s.weight[k] = 0.0;
+            count += 1;
+        }
+    }
+    count
+}
+
+/// The level of the bottom, where the pressure stands near zero and never falls below.
+fn floor(pressures: &[f64], noise_bar: f64, span_bar: f64) -> Option<f64> {
+    let lowest = quantile(pressures, 0.01);
+    let near = 6.0 * noise_bar + 0.005 * span_bar;
+    if lowest < -near || lowest > near.max(0.015 * span_bar) {
+        return None;
+    }
+    let bottom: Vec<f64> = pressures.iter().copied().take_while(|p| *p < lowest + near).collect();
+    let level = quantile(&bottom, 0.5);
+    Some(if level.abs() < (3.0 * noise_bar).max(0.05) { 0.0 } else { level })
+}
+
+/// The level of the top, where the pressure stands still while the current moves on.
+fn ceiling(segments: &[Segment], pressures: &[f64], noise_bar: f64, span_bar: f64, recorded_a: (f64, f64)) -> Option<f64> {
+    let top = quantile(pressures, 0.995);
+    let from = top - (5.0 * noise_bar).max(0.005 * span_bar);
+    let mut points: Vec<(f64, f64)> =
+        segments.iter().flat_map(|s| used(s).map(|k| (s.current_a[k], s.pressure_bar[k]))).filter(|(_, p)| *p > from).collect();
+    points.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let n = points.len();
+    if n < 50 {
+        return None;
+    }
+    let (low, high) = (points[n / 20].0, points[n - 1 - n / 20].0);
+    let half = |part: &[(f64, f64)]| quantile(&sorted(part.iter().map(|p| p.1)), 0.5);
+    let (lower, upper) = (half(&points[n / 20..n / 2]), half(&points[n / 2..n - n / 20]));
+    let flat = high - low > 0.08 * (recorded_a.1 - recorded_a.0) && (upper - lower).abs() < (1.5 * noise_bar).max(0.002 * span_bar);
+    flat.then(|| half(&points[n / 20..]))
+}
+
+fn is_steady(s: &Segment, k: usize, tolerance_bar: f64) -> bool {
+    if k < STEADY_HALF_WINDOW || k + STEADY_HALF_WINDOW >= s.len() {
+        return false;
+    }
+    (s.pressure_bar[k + STEADY_HALF_WINDOW] - s.pressure_bar[k - STEADY_HALF_WINDOW]).abs() < tolerance_bar
+}
+
+/// State of a play operator of the width `2 radius`, scaled to -1 (falling) to 1 (rising).
+pub(super) fn play(current_a: &[f64], radius_a: f64) -> Vec<f64> {
+    let Some(mut center) = current_a.first().copied() else { return Vec::new() };
+    current_a
+        .iter()
+        .map(|i| {
+            center = center.clamp(i - radius_a, i + radius_a);
+            (i - center) / radius_a
+        })
+        .collect()
+}
+
+/// Bins of the covered current seen in both directions, and reversals by more than the play.
+fn directions(segments: &[Segment], covered_a: (f64, f64), above_bar: f64) -> (usize, usize) {
+    let width = covered_a.1 - covered_a.0;
+    let (mut rising, mut falling) = ([0usize; DIRECTION_BINS], [0usize; DIRECTION_BINS]);
+    let mut reversals = 0;
+    for s in segments {
+        let states = play(&s.current_a, PLAY_SHARE * width);
+        let mut last = 0.0;
+        for (k, state) in states.iter().enumerate() {
+            if state.abs() < 0.999 {
+                continue;
+            }
+            if last * state < 0.0 {
+                reversals += 1;
+            }
+            last = *state;
+            let place = (s.current_a[k] - covered_a.0) / width;
+            if s.weight[k] > 0.0 && s.pressure_bar[k] > above_bar && (0.0..=1.0).contains(&place) {
+                let bin = ((place * DIRECTION_BINS as f64) as usize).min(DIRECTION_BINS - 1);
+                if *state > 0.0 {
+                    rising[bin] += 1;
+                } else {
+                    falling[bin] += 1;
+                }
+            }
+        }
+    }
+    ((0..DIRECTION_BINS).filter(|b| rising[*b] >= 5 && falling[*b] >= 5).count(), reversals)
+}
+
+/// Median speed where the current moves [A/s].
+fn rate(segments: &[Segment], recorded_a: (f64, f64)) -> f64 {
+    let still = 1e-5 * (recorded_a.1 - recorded_a.0);
+    let speeds = segments.iter().flat_map(|s| {
+        s.current_a
+            .windows(2)
+            .zip(s.time_s.windows(2))
+            .filter(move |(i, _)| (i[1] - i[0]).abs() > still)
+            .map(|(i, t)| (i[1] - i[0]).abs() / (t[1] - t[0]))
+    });
+    quantile(&sorted(speeds), 0.5)
+}
+
+fn jumps(current_a: &[f64], size_a: f64) -> usize {
+    current_a.windows(2).filter(|w| (w[1] - w[0]).abs() > size_a).count()
+}
+
+/// Different levels of current at which a steady pressure was seen, at most one per hundredth of the covered range:
+/// a curve of order n needs n + 1 of them.
+pub(super) fn levels(segments: &[Segment], survey: &Survey) -> usize {
+    const BINS: usize = 100;
+    let (low, high) = survey.covered_a;
+    let above = survey.floor_bar.map_or(f64::NEG_INFINITY, |f| f + 4.0 * survey.noise_bar);
+    let mut seen = [0usize; BINS + 1];
+    for s in segments {
+        for k in used(s).filter(|k| s.pressure_bar[*k] > above) {
+            let place = (s.current_a[k] - low) / (high - low);
+            if (0.0..=1.0).contains(&place) {
+                seen[(place * BINS as f64).round() as usize] += 1;
+            }
+        }
+    }
+    // Neighbouring bins are one level unless the current swept through them.
+    let filled = seen.iter().filter(|n| **n >= 3).count();
+    let groups = seen.windows(2).filter(|w| w[0] < 3 && w[1] >= 3).count() + usize::from(seen[0] >= 3);
+    if filled > 4 * groups { filled } else { groups }
+}

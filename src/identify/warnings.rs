@@ -1,0 +1,112 @@
+//! What a user must know about an identified model.
+
+use super::fit::{Fit, Problem};
+use super::outcome::Parameter;
+use super::survey::Survey;
+use super::{HysteresisChoice, Options};
+use crate::recording::Recording;
+use crate::valve::Valve;
+
+/// A valve's current lies below this; more is a duty or a percentage [A].
+const LARGEST_CURRENT_A: f64 = 5.0;
+/// Fewer reversals do not carry the hyperbola.
+const MIN_REVERSALS: usize = 2;
+
+/// What was found and handled.
+pub(super) fn notes(recording: &Recording, problem: &Problem<'_>, survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
+    let mut out = recording.notes.clone();
+    let share = 100.0 * survey.steady as f64 / survey.samples.max(1) as f64;
+    out.push(format!("{} of {} samples ({share:.0} %) are steady enough to lie on a static curve", survey.steady, survey.samples));
+    if survey.outliers > 0 {
+        out.push(format!("{} samples stand alone, far from their neighbours, and were left out as outliers", survey.outliers));
+    }
+    if let Some(floor) = survey.floor_bar {
+        out.push(format!("the pressure stands at a floor of {floor:.3} bar below {:.3} A: the curves begin there", survey.covered_a.0));
+    }
+    let late_s = valve.delay_s + valve.lag_s;
+    let wide_a = 2.0 * survey.rate_a_per_s * late_s;
+    let slope = fit.theta.get(1).map_or(0.0, |c| 2.0 * c / (fit.shape.range_a.1 - fit.shape.range_a.0));
+    out.push(format!(
+        "the current moves at {:.4} A/s (median); delay and lag of {:.1} ms would widen the loop by {:.2} mA or {:.3} bar, which the model takes out",
+        survey.rate_a_per_s,
+        1e3 * late_s,
+        1e3 * wide_a,
+        wide_a * slope
+    ));
+    if problem.segments.len() > 1 {
+        out.push(format!("{} runs, each simulated from its own start", problem.segments.len()));
+    }
+    out
+}
+
+/// What the data cannot carry.
+pub(super) fn warnings(
+    problem: &Problem<'_>,
+    survey: &Survey,
+    fit: &Fit,
+    parameters: &[Parameter],
+    options: &Options,
+    valve: &Valve,
+) -> Vec<String> {
+    let mut out = Vec::new();
+    let error = |name: &str| parameters.iter().find(|p| p.name == name).map(|p| (p.value, p.std_error));
+    let (low, high) = survey.covered_a;
+    if let Some(level) = survey.ceiling_bar {
+        out.push(format!(
+            "the pressure stands at {level:.2} bar whatever the current above {high:.3} A (supply limit?): {} samples there were left out, and the curves hold up to {high:.3} A only",
+            survey.on_ceiling
+        ));
+    }
+    let slack = 0.01 * (survey.recorded_a.1 - survey.recorded_a.0);
+    let floor_explains = survey.floor_bar.is_some() && survey.ceiling_bar.is_none() && high > survey.recorded_a.1 - slack;
+    if (low > survey.recorded_a.0 + slack || high < survey.recorded_a.1 - slack) && !floor_explains {
+        out.push(format!(
+            "the current was recorded from {:.3} A to {:.3} A, but the curves are seen from {low:.3} A to {high:.3} A only; beyond, they continue as straight lines",
+            survey.recorded_a.0, survey.recorded_a.1
+        ));
+    }
+    let largest = survey.recorded_a.0.abs().max(survey.recorded_a.1.abs());
+    if largest > LARGEST_CURRENT_A {
+        out.push(format!(
+            "the input reaches {largest:.1}, much for a current in A: a duty or a command in other units comes in by --map current_a=\"..\""
+        ));
+    }
+    if !fit.shape.hysteresis && options.hysteresis != HysteresisChoice::None {
+        out.push("rising and falling currents never meet at the same pressure in this recording (step tests?): no hysteresis could be identified, and the model has none; a slow sweep up and down shows it".into());
+    }
+    if fit.shape.hysteresis {
+        if survey.reversals < MIN_REVERSALS {
+            out.push(format!("{} reversal of the current: the parameter a of the hyperbola is hardly seen", survey.reversals));
+        }
+        if let Some((a, e)) = error("a")
+            && e > 0.5 * a
+        {
+            out.push(format!("a = {a:.4} bar^2 has a standard error of {e:.4} bar^2: the recording does not carry it; minor loops would"));
+        }
+        let span = (high - low).max(f64::MIN_POSITIVE);
+        let crossed = (0..=20).any(|k| {
+            let i = low + span * f64::from(k) / 20.0;
+            valve.curves.descending_at(i) < valve.curves.ascending_at(i) - 1e-6
+        });
+        if crossed {
+            out.push("the fitted curves cross within the covered range: there is hardly any hysteresis; consider --hysteresis none".into());
+        }
+    }
+    let half_step = 0.5 * problem.segments.first().map_or(0.01, |s| s.step_s);
+    if let Some((delay, e)) = error("delay") {
+        if 2.0 * e > half_step.max(0.005) {
+            out.push(format!(
+                "the delay of {:.1} ms has a standard error of {:.1} ms: at a constant rate delay and loop width trade places; steps, other rates or minor loops tell them apart",
+                1e3 * delay,
+                1e3 * e
+            ));
+        }
+        if delay >= problem.delay_max_s * 0.999 {
+            out.push(format!("the delay stands at the longest that was searched, {:.3} s", problem.delay_max_s));
+        }
+    }
+    if !fit.shape.lag && survey.steps == 0 {
+        out.push("no steps of the current: a lag cannot be told from a delay, and is contained in it".into());
+    }
+    out
+}

@@ -1,0 +1,107 @@
+//! What `hil identify` found, as text and as JSON.
+
+use std::fmt::Write;
+
+use serde_json::{Value, json};
+
+use super::text::{COLUMNS, fold};
+use crate::identify::{Identified, Parameter};
+
+/// The JSON document; the keys are part of the contract.
+pub fn json(found: &Identified) -> String {
+    let valve = &found.valve;
+    let a_bar2 = match valve.hysteresis {
+        crate::valve::Hysteresis::Hyperbolic { a_bar2 } => Some(a_bar2),
+        crate::valve::Hysteresis::None => None,
+    };
+    let parameter = |p: &Parameter| {
+        (p.name.clone(), json!({ "value": p.value, "std_error": p.std_error.is_finite().then_some(p.std_error), "unit": p.unit }))
+    };
+    let document = json!({
+        "schema": "hil.identification/1",
+        "valve": valve.name,
+        "curve": {
+            "ascending": valve.curves.ascending.coefficients,
+            "descending": valve.curves.descending.coefficients,
+            "r2_ascending": found.r2_ascending,
+            "r2_descending": found.r2_descending,
+            "range_a": [valve.curves.range_a.0, valve.curves.range_a.1],
+        },
+        "a_bar2": a_bar2,
+        "delay_s": valve.delay_s,
+        "delay_range_s": [valve.delay_range_s.0, valve.delay_range_s.1],
+        "lag_s": valve.lag_s,
+        "floor_bar": valve.floor_bar,
+        "noise_bar": valve.noise_bar,
+        "rmse_bar": found.rmse_bar,
+        "rmse_fitted_bar": found.rmse_fitted_bar,
+        "rmse_average_model_bar": found.rmse_average_model_bar,
+        "parameters": Value::Object(found.parameters.iter().map(parameter).collect()),
+        "correlation_time_samples": found.correlation_time_samples,
+        "orders": found.orders.iter().map(|o| json!({ "order": o.order, "heldout_bar": o.heldout_bar })).collect::<Vec<_>>(),
+        "notes": found.notes,
+        "warnings": found.warnings,
+    });
+    let mut text = serde_json::to_string_pretty(&document).unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+/// The findings in 80 columns.
+pub fn text(found: &Identified) -> String {
+    let valve = &found.valve;
+    let mut out = String::new();
+    let _ = writeln!(out, "{}: {}\n", valve.name, valve.source);
+    let _ = writeln!(out, "{:<16} {:>14}   {:>14}   unit", "parameter", "value", "std error");
+    for p in &found.parameters {
+        let (value, error) = figures(p);
+        let _ = writeln!(out, "{:<16} {value:>14} ± {error:>14}   {}", p.name, p.unit);
+    }
+    let _ = writeln!(out);
+    let (low, high) = valve.curves.range_a;
+    let line = |out: &mut String, name: &str, value: String| {
+        let _ = writeln!(out, "{name:<34} {value}");
+    };
+    line(&mut out, "curves hold from", format!("{low:.4} A to {high:.4} A"));
+    if let Some(floor) = valve.floor_bar {
+        line(&mut out, "floor", format!("{floor:.3} bar"));
+    }
+    line(&mut out, "sensor noise", format!("{:.4} bar", valve.noise_bar));
+    line(&mut out, "RMSE of the model", format!("{:.4} bar", found.rmse_bar));
+    if (found.rmse_fitted_bar - found.rmse_bar).abs() > 5e-5 {
+        line(&mut out, "RMSE where it was fitted", format!("{:.4} bar", found.rmse_fitted_bar));
+    }
+    line(&mut out, "RMSE of the average model", format!("{:.4} bar", found.rmse_average_model_bar));
+    for (name, value) in [("R^2 rising", found.r2_ascending), ("R^2 falling", found.r2_descending)] {
+        if let Some(value) = value {
+            line(&mut out, name, format!("{value:.6}"));
+        }
+    }
+    if !found.orders.is_empty() {
+        let tried: Vec<String> = found.orders.iter().map(|o| format!("{}: {:.4}", o.order, o.heldout_bar)).collect();
+        paragraph(&mut out, "", &format!("held-out error [bar] by order of the curves: {}", tried.join(", ")));
+    }
+    for (title, list) in [("note", &found.notes), ("warning", &found.warnings)] {
+        for item in list {
+            paragraph(&mut out, title, item);
+        }
+    }
+    out
+}
+
+/// A paragraph whose later lines stand under the first.
+fn paragraph(out: &mut String, title: &str, text: &str) {
+    let lead = if title.is_empty() { String::new() } else { format!("{title}: ") };
+    for (n, line) in fold(text, COLUMNS - lead.len()).iter().enumerate() {
+        let _ = if n == 0 { writeln!(out, "{lead}{line}") } else { writeln!(out, "{:width$}{line}", "", width = lead.len()) };
+    }
+}
+
+/// Value and error in the digits that the error allows: two of the error, the same decimals for the value.
+fn figures(p: &Parameter) -> (String, String) {
+    if !p.std_error.is_finite() || p.std_error <= 0.0 {
+        return (format!("{:.6}", p.value), "unknown".into());
+    }
+    let decimals = (1 - p.std_error.log10().floor() as i32).clamp(0, 12) as usize;
+    (format!("{:.decimals$}", p.value), format!("{:.decimals$}", p.std_error))
+}
