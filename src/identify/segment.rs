@@ -99,15 +99,16 @@ impl Segment {
             return;
         }
         let (mut step, mut share) = (f64::NAN, 0.0);
-        let Some(mut y) = values.first().copied() else { return };
-        for k in 1..values.len() {
-            let h = if self.uniform { self.step_s } else { self.time_s[k] - self.time_s[k - 1] };
+        let Some((first, rest)) = values.split_first_mut() else { return };
+        let mut y = *first;
+        for (value, t) in rest.iter_mut().zip(self.time_s.windows(2)) {
+            let h = if self.uniform { self.step_s } else { t[1] - t[0] };
             if h != step {
                 step = h;
                 share = -(-h / lag_s).exp_m1();
             }
-            y += share * (values[k] - y);
-            values[k] = y;
+            y += share * (*value - y);
+            *value = y;
         }
     }
 }
