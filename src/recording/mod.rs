@@ -6,6 +6,8 @@
 mod clean;
 mod csv;
 mod error;
+#[cfg(test)]
+mod fuzz;
 mod mapping;
 mod mdf4;
 mod parquet;

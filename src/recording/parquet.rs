@@ -17,7 +17,35 @@ use super::{Mapping, RecordingError};
 /// Values taken from a column at a time.
 const BATCH: usize = 1 << 16;
 
+/// Reads a file. The library panics on some damaged files; such a panic becomes a message.
 pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
+    let result = silenced(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read_trusting(path, file, map))));
+    result.unwrap_or_else(|_| Err(RecordingError::format(file, "the file is damaged: its pages contradict one another")))
+}
+
+thread_local! {
+    /// Whether a panic of this thread is about to become a message.
+    static SILENCED: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Runs `work` without the report that a panic prints.
+fn silenced<T>(work: impl FnOnce() -> T) -> T {
+    static HOOK: std::sync::Once = std::sync::Once::new();
+    HOOK.call_once(|| {
+        let usual = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if !SILENCED.get() {
+                usual(info);
+            }
+        }));
+    });
+    SILENCED.set(true);
+    let result = work();
+    SILENCED.set(false);
+    result
+}
+
+fn read_trusting(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
     let damaged = |e: ParquetError| RecordingError::format(file, e);
     let handle = File::open(path).map_err(RecordingError::io(path))?;
     let reader = SerializedFileReader::new(handle).map_err(damaged)?;

@@ -300,3 +300,124 @@ fn at_times(times: &[f64], known: &[f64], values: &[f64], hold: bool) -> Option<
     };
     Some(times.iter().map(at).collect())
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use std::io::{Cursor, Write};
+
+    fn zipped(bytes: &[u8], transposed: bool) -> Vec<u8> {
+        let columns = 24;
+        let rows = bytes.len() / columns;
+        let mut plain = bytes.to_vec();
+        if transposed {
+            for (at, byte) in plain.iter_mut().enumerate().take(rows * columns) {
+                *byte = bytes[at % rows * columns + at / rows];
+            }
+        }
+        let mut zip = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+        zip.write_all(&plain).unwrap();
+        let packed = zip.finish().unwrap();
+        let mut block = b"##DZ\0\0\0\0".to_vec();
+        block.extend((48 + packed.len() as u64).to_le_bytes());
+        block.extend([0; 8]);
+        block.extend([b'D', b'T', u8::from(transposed), 0]);
+        block.extend((columns as u32).to_le_bytes());
+        block.extend((bytes.len() as u64).to_le_bytes());
+        block.extend((packed.len() as u64).to_le_bytes());
+        block.extend(packed);
+        block
+    }
+
+    fn block(id: &[u8; 4], links: &[u64], data: &[u8]) -> Vec<u8> {
+        let mut block = id.to_vec();
+        block.extend([0; 4]);
+        block.extend((24 + 8 * links.len() as u64 + data.len() as u64).to_le_bytes());
+        block.extend((links.len() as u64).to_le_bytes());
+        links.iter().for_each(|l| block.extend(l.to_le_bytes()));
+        block.extend(data);
+        block
+    }
+
+    fn table() -> Recording {
+        let rows: String =
+            (0..200).map(|k| format!("{},{},{}\n", f64::from(k) / 64.0, 0.5 + f64::from(k) / 512.0, f64::from(k * k) / 8.0)).collect();
+        Recording::from_csv(format!("time_s,current_a,pressure_bar\n{rows}"), "r.csv", &[]).unwrap()
+    }
+
+    use crate::recording::Recording;
+
+    /// A file whose records stand in three blocks, the first two compressed, cut in the middle of a record.
+    pub(in crate::recording) fn compressed(transposed: bool) -> Vec<u8> {
+        let mut file = Vec::new();
+        write(&table(), &mut file).unwrap();
+        let link = |file: &[u8], at: usize| u64::from_le_bytes(file[at..at + 8].try_into().unwrap()) as usize;
+        let group = link(&file, 64 + 24);
+        let data = link(&file, group + 40);
+        let records = file.split_off(data)[24..].to_vec();
+        let mut links = vec![0];
+        let pieces =
+            [zipped(&records[..1000], transposed), zipped(&records[1000..3001], transposed), block(b"##DT", &[], &records[3001..])];
+        for piece in pieces {
+            links.push(file.len() as u64);
+            file.extend(piece);
+            file.resize(file.len().next_multiple_of(8), 0);
+        }
+        let list = file.len() as u64;
+        file.extend(block(b"##DL", &links, &[0; 40]));
+        let head = file.len() as u64;
+        file.extend(block(b"##HL", &[list], &[0; 8]));
+        file[group + 40..group + 48].copy_from_slice(&head.to_le_bytes());
+        file
+    }
+
+    fn read(bytes: Vec<u8>, map: &[&str]) -> Result<Recording, RecordingError> {
+        let map: Vec<Mapping> = map.iter().map(|m| Mapping::parse(m).unwrap()).collect();
+        crate::recording::clean::recording(read_from(Cursor::new(bytes), "r.mf4", &map)?)
+    }
+
+    #[test]
+    fn compressed_blocks_that_cut_a_record_read_as_one() {
+        for transposed in [false, true] {
+            assert_eq!(read(compressed(transposed), &[]).unwrap().runs, table().runs);
+        }
+    }
+
+    #[test]
+    fn a_cut_file_gives_what_is_there_and_says_so() {
+        let mut file = Vec::new();
+        write(&table(), &mut file).unwrap();
+        file.truncate(file.len() - 100);
+        let recording = read(file, &[]).unwrap();
+        assert_eq!(recording.runs[0].time_s, table().runs[0].time_s[..195]);
+        assert_eq!(
+            recording.notes,
+            ["the file is cut: 4700 of 4800 bytes of records are there", "channel group ``: 195 of 200 records are there"]
+        );
+    }
+
+    #[test]
+    fn what_is_no_mdf4_file_is_refused() {
+        let message = |bytes: Vec<u8>, map: &[&str]| read(bytes, map).unwrap_err().to_string();
+        let mut file = Vec::new();
+        write(&table(), &mut file).unwrap();
+        insta::assert_snapshot!(message(Vec::new(), &[]), @"r.mf4: shorter than the head of an MDF file");
+        insta::assert_snapshot!(message(vec![b'x'; 100], &[]), @"r.mf4: not an MDF file: it does not begin with `MDF`");
+        insta::assert_snapshot!(message(file.clone(), &["current_a=I_cmd [mA]"]), @"r.mf4: no column `I_cmd`; the file has: `time_s`, `current_a`, `pressure_bar`");
+        insta::assert_snapshot!(message(file.clone(), &["supply_bar=p_s"]), @"r.mf4: no column `p_s`; the file has: `time_s`, `current_a`, `pressure_bar`");
+        file[28] = 74;
+        file[29] = 1;
+        insta::assert_snapshot!(message(file, &[]), @"r.mf4: MDF version 3.30; only MDF 4 is read: convert it, for instance with asammdf");
+    }
+
+    #[test]
+    fn another_rate_is_interpolated_and_a_target_is_held() {
+        let (known, values) = ([0.0, 1.0, 2.0], [0.0, 10.0, f64::NAN]);
+        let at = |hold| {
+            at_times(&[-1.0, 0.0, 0.5, 1.0, 1.5, 3.0], &known, &values, hold).unwrap().iter().map(f64::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(at(false), ["NaN", "0", "5", "10", "NaN", "NaN"]);
+        assert_eq!(at(true), ["NaN", "0", "0", "10", "10", "NaN"]);
+        assert_eq!(at_times(&[0.0], &[1.0, 1.0], &[0.0, 0.0], false), None);
+    }
+}
