@@ -3,7 +3,9 @@
 
 use serde::{Deserialize, Serialize};
 
+pub mod emulator;
 pub mod profile;
+pub mod realtime;
 
 /// How far a sample can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
