@@ -4,8 +4,14 @@
 use serde::{Deserialize, Serialize};
 
 pub mod emulator;
+pub mod line;
+pub mod loop_thread;
+pub mod modbus;
 pub mod profile;
 pub mod realtime;
+pub mod wire;
+
+pub use wire::{Endpoint, Options, open};
 
 /// How far a sample can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,5 +94,72 @@ pub enum RigError {
         source_name: String,
         /// The rig time.
         time_s: f64,
+    },
+    /// A port or a connection cannot be opened.
+    #[error("{place}: {reason}")]
+    Open {
+        /// The port or the address.
+        place: String,
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// A driver profile does not fit what is asked of it.
+    #[error("{name}: {reason}")]
+    Profile {
+        /// The profile.
+        name: String,
+        /// Why, with the arithmetic where there is one.
+        reason: String,
+    },
+    /// The device is not what the profile says, or does not do what it must.
+    #[error("{name}: {reason}")]
+    Device {
+        /// The profile.
+        name: String,
+        /// What was found, and what to do.
+        reason: String,
+    },
+    /// Nothing would take the current away if this program died.
+    #[error(
+        "{name}: {why}, so the current stays on when this program or its computer dies; with a person at the emergency stop, run with --without-watchdog, which the record shows"
+    )]
+    NoWatchdog {
+        /// The profile.
+        name: String,
+        /// What is missing.
+        why: String,
+    },
+    /// A current outside the limits was asked for.
+    #[error(transparent)]
+    Refused(wire::OutsideLimits),
+    /// The current was asked to change too fast.
+    #[error("a change of the current of {change_a_per_s:.3} A/s is above the limit of {limit_a_per_s:.3} A/s; it was not sent")]
+    Slew {
+        /// What was asked for [A/s].
+        change_a_per_s: f64,
+        /// The limit [A/s].
+        limit_a_per_s: f64,
+    },
+    /// A measured value passed an interlock.
+    #[error("interlock: {what}")]
+    Interlock {
+        /// The value, its limit and the time.
+        what: String,
+    },
+    /// Too many samples in a row were lost.
+    #[error("{name}: {count} samples in a row without a good reply; the last: {last}")]
+    Lost {
+        /// The profile.
+        name: String,
+        /// How many.
+        count: u32,
+        /// What the last loss was.
+        last: String,
+    },
+    /// The run was asked to stop.
+    #[error("stopped by {signal}")]
+    Stopped {
+        /// The signal.
+        signal: &'static str,
     },
 }

@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 
 use super::blocks::transaction;
 use super::*;
-use crate::units::{PRESSURE, Unit};
+use crate::units::{CURRENT, PRESSURE, Unit};
 
 /// Longest time that a device watchdog may wait.
 pub(super) const LONGEST_WATCHDOG_S: f64 = 0.5;
@@ -393,19 +393,17 @@ fn check_safe_state(
             Role::Driver => Err(c.error("safe_state", "missing: a driver must say how its safe state is confirmed")),
         };
     };
-    let wanted = SignalName::parse(&s.confirm).filter(|n| matches!(n, SignalName::Current | SignalName::Pressure));
-    let found = wanted.and_then(|n| signals.iter().position(|x| x.name == n));
-    let (Some(signal), Some(unit)) = (found, wanted.and_then(SignalName::unit)) else {
-        return Err(c.error(
-            "safe_state.confirm",
-            format!("`{}` is not a signal that can confirm it; allowed: current, or pressure, as far as the profile has them", s.confirm),
-        ));
+    let has = |name| signals.iter().any(|x| x.name == name);
+    let name = match s.confirm.as_str() {
+        "current" if has(SignalName::Current) => SignalName::Current,
+        "pressure" if !has(SignalName::Current) => SignalName::Pressure,
+        _ => {
+            let message = format!("`{}` cannot confirm it; allowed: current where the device measures it, otherwise pressure", s.confirm);
+            return Err(c.error("safe_state.confirm", message));
+        }
     };
-    if wanted == Some(SignalName::Pressure) && signals.iter().any(|x| x.name == SignalName::Current) {
-        return Err(c.error("safe_state.confirm", "the device measures its current, so that confirms the safe state"));
-    }
+    let unit = if name == SignalName::Current { &CURRENT } else { &PRESSURE };
     let below = unit.parse(&s.below).map_err(|e| c.error("safe_state.below", e.to_string()))?;
-    debug_assert!(unit.dimension != PRESSURE.dimension || wanted == Some(SignalName::Pressure));
     let within_s = s.within.value();
     if below <= 0.0 {
         return Err(c.error("safe_state.below", "must be above zero"));
@@ -413,5 +411,5 @@ fn check_safe_state(
     if !(within_s >= cycle.timeout_s && within_s <= 5.0) {
         return Err(c.error("safe_state.within", "must be at least `cycle.timeout` and at most 5 s"));
     }
-    Ok(Some(SafeConfirmation { signal, below, within_s }))
+    Ok(Some(SafeConfirmation { name, below, within_s }))
 }

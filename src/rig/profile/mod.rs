@@ -227,8 +227,8 @@ pub struct Interlock {
 /// How the safe state is confirmed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SafeConfirmation {
-    /// Index of the signal.
-    pub signal: usize,
+    /// The signal: `current`, or `pressure`, which may be that of a pressure source.
+    pub name: SignalName,
     /// It must fall below this, in its canonical unit.
     pub below: f64,
     /// Time from the first write [s].

@@ -45,13 +45,13 @@ fn every_shipped_profile_passes_its_checks() {
 
 #[test]
 fn the_wire_budget_is_refused_with_its_arithmetic() {
-    // 17 + 15 characters: 13 + 2 x 2 written, 5 + 2 x 5 read.
+    // 17 + 17 characters: 13 + 2 x 2 written, 5 + 2 x 6 read.
     let slow = EMULATOR.replace("baud = 230400", "baud = 57600");
     let slow = Profile::from_toml(&slow, "p.toml").unwrap();
     insta::assert_snapshot!(slow.check_period(0.01).unwrap_err(), @r"
-    a loop of 100.0 Hz needs 96 % of its period of 10.00 ms on the wire; 80 % is the most, so 83.7 Hz:
-      transaction 1: function 23, 17 + 15 characters x 10 bit / 57600 baud = 5.56 ms, silence 3.50 ms, answer 0.50 ms
-      together 9.56 ms
+    a loop of 100.0 Hz needs 99 % of its period of 10.00 ms on the wire; 80 % is the most, so 80.8 Hz:
+      transaction 1: function 23, 17 + 17 characters x 10 bit / 57600 baud = 5.90 ms, silence 3.50 ms, answer 0.50 ms
+      together 9.90 ms
     ");
     assert_eq!(slow.check_period(0.02), Ok(()));
     assert_eq!(emulator().check_period(0.01), Ok(()));
@@ -86,9 +86,9 @@ fn what_does_not_fit_together_is_refused_with_line_and_key() {
     insta::assert_snapshot!(message("ready = false, ", "redy = false, "), @"p.toml:36: `signal.status.fault_when`: no bit `redy`; known: open, ready, short, watchdog");
     insta::assert_snapshot!(message("time = \"200 ms\"", "time = \"2 s\""), @"p.toml:65: `watchdog.time`: a watchdog must act within 500 ms, and its time must be known");
     insta::assert_snapshot!(message("sources = [\"docs/emulator.md\"]", "sources = []"), @"p.toml:8: `device.sources`: name the public text that the map was read from; a map without a source is not used");
-    insta::assert_snapshot!(message("confirm = \"current\"", "confirm = \"supply\""), @"p.toml:77: `safe_state.confirm`: `supply` is not a signal that can confirm it; allowed: current, or pressure, as far as the profile has them");
+    insta::assert_snapshot!(message("confirm = \"current\"", "confirm = \"supply\""), @"p.toml:77: `safe_state.confirm`: `supply` cannot confirm it; allowed: current where the device measures it, otherwise pressure");
     insta::assert_snapshot!(message("raw = [4000, 20000]", "raw = [4000, 4000]"), @"p.toml:48: `signal.pressure.scale`: one count must be worth something: the two points are the same, or the scale is 0");
-    insta::assert_snapshot!(message("[\"token\", \"status\"", "[\"status\""), @"p.toml:61: `cycle.transaction.freshness`: transaction 1: no `setpoint` or `token` that this slot writes is read back here");
+    insta::assert_snapshot!(message("[\"setpoint\", \"token\", \"status\"", "[\"status\""), @"p.toml:61: `cycle.transaction.freshness`: transaction 1: no `setpoint` or `token` that this slot writes is read back here");
     insta::assert_snapshot!(message("hil.driver/1", "hil.driver/2"), @r#"p.toml:3: `schema`: `hil.driver/2` is not a driver profile of this version; write "hil.driver/1""#);
 }
 
