@@ -377,10 +377,6 @@ impl Device {
                 self.event(now_s, "watchdog cleared".into());
             }
             self.tripped = false;
-            for r in &w.reset {
-                // A reset register acts once.
-                self.registers.insert(key(r), 0);
-            }
         }
     }
 }
