@@ -2,34 +2,8 @@
 
 use rand::RngExt;
 
+use super::formulation::EFFECTS;
 use super::specimen::{Specimen, stream, uniform};
-
-/// The effects that a diagnosis can name and this plant can conceal. The shape of the curve is no entry: every
-/// specimen's curve differs from a cubic.
-pub const EFFECTS: [&str; 22] = [
-    "transport_delay",
-    "delay_jitter",
-    "first_order_lag",
-    "second_order_resonance",
-    "flow_limit",
-    "reversal_dead_band",
-    "stiction",
-    "fill_phase",
-    "supply_saturation",
-    "reference_drift",
-    "reference_shift",
-    "leakage",
-    "rate_dependent_hysteresis",
-    "creep",
-    "air_entrainment",
-    "coil_heating",
-    "nonlocal_memory",
-    "sensor_lag",
-    "sensor_quantization",
-    "sensor_drift",
-    "sensor_outliers",
-    "periodic_disturbance",
-];
 
 /// Effects that a sweep shows as well, so that a calibration may have taken them in without making them invisible.
 const ABSORBABLE: [&str; 7] =

@@ -15,6 +15,7 @@ mod draw;
 mod driver;
 mod excitation;
 mod files;
+mod formulation;
 mod memory;
 mod plant;
 mod score;
@@ -28,8 +29,9 @@ mod table;
 mod trial;
 mod unknown;
 
-pub use draw::{Case, Concealed, EFFECTS, UNKNOWN, draw_series, placed};
+pub use draw::{Case, Concealed, UNKNOWN, draw_series, placed};
 pub use files::{ChallengeError, write_run, write_text};
+pub use formulation::{EFFECTS, formulation};
 pub use score::{Answer, Misfit, Named, Score, Verdict, score};
 pub use seal::{Seal, truth_of};
 pub use session::{Session, record_session};

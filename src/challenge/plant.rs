@@ -311,7 +311,7 @@ fn lifted(p: f64, gain: f64, offset_bar: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::draw::EFFECTS;
+    use super::super::formulation::EFFECTS;
     use super::*;
 
     fn drive(seed: u64, concealed: &[Concealed]) -> Vec<f64> {

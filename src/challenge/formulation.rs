@@ -1,0 +1,60 @@
+//! In words: how the plant makes each effect. Two formulations of each, so that one formula cannot be learnt.
+
+/// Ids of the effects that this plant can conceal, with the two ways in which it makes them.
+const FORMULATIONS: [(&str, [&str; 2]); 22] = [
+    ("transport_delay", ["messages arrive later", "the pressure reaches the sensor later"]),
+    ("delay_jitter", ["each message late by its own chance, overtaken ones void", "a bus that is loaded for fractions of a second"]),
+    ("first_order_lag", ["compliance behind a laminar restrictor", "compliance behind a sharp orifice (square root of the pressure drop)"]),
+    ("second_order_resonance", ["spool on its spring, viscous damping", "oil column with damping that grows with the flow"]),
+    ("flow_limit", ["pump and drain flow bounded by constants", "bounded by orifices against supply and tank"]),
+    ("reversal_dead_band", ["clearance between armature and spool", "clearance with a soft seat and an elastic part"]),
+    ("stiction", ["spool stands, then slips", "mass on a spring with Coulomb friction after Karnopp"]),
+    ("fill_phase", ["orifice, piston and return spring before the clutch bears", "lines that run empty and have to be filled"]),
+    ("supply_saturation", ["relief valve set low, drooping with flow", "shared pump that sags at times"]),
+    ("reference_drift", ["gain and zero at constant speed", "gain and zero towards an end value"]),
+    ("reference_shift", ["gain and zero changed for good", "spring seat set, so more or less current for the same pressure"]),
+    ("leakage", ["laminar gap", "sharp edge (square root of the pressure)"]),
+    ("rate_dependent_hysteresis", ["clearance that grows with the rate", "Dahl friction whose level grows with the rate"]),
+    ("creep", ["three time constants, nearly a logarithm", "one time constant"]),
+    ("air_entrainment", ["bulk modulus with polytropic air, laminar feed", "isothermal air, feed through an orifice"]),
+    ("coil_heating", ["winding as one body, output stage without feedback", "winding and housing, feedback in part"]),
+    ("nonlocal_memory", ["seven more play operators", "four hundred Preisach relays"]),
+    ("sensor_lag", ["one RC stage", "two RC stages"]),
+    ("sensor_quantization", ["rounding", "truncation with uneven steps"]),
+    ("sensor_drift", ["zero walks off at constant speed", "zero follows the warming of the electronics"]),
+    ("sensor_outliers", ["single spikes", "bursts of wrong samples, some of them zero"]),
+    ("periodic_disturbance", ["a tone between 3 and 30 Hz", "pump ripple that grows with pressure, with harmonic and wandering speed"]),
+];
+
+/// What stands for physics outside every library, in three kinds.
+const OUTSIDE: [&str; 3] = [
+    "a neighbour on the same block answers each shift with a pull of its own",
+    "hills and valleys over pressure and the pressure of some seconds ago",
+    "a sleeve that flips between two seats when it will",
+];
+
+/// The effects that a diagnosis can name and this plant can conceal. The shape of the curve is no entry: every
+/// specimen's curve differs from a cubic.
+pub const EFFECTS: [&str; 22] = {
+    let mut ids = [""; 22];
+    let mut k = 0;
+    while k < 22 {
+        ids[k] = FORMULATIONS[k].0;
+        k += 1;
+    }
+    ids
+};
+
+/// How the plant makes an effect, in words.
+pub fn formulation(id: &str, variant: u8) -> &'static str {
+    match FORMULATIONS.iter().find(|f| f.0 == id) {
+        Some((_, [first, second])) => {
+            if variant == 0 {
+                first
+            } else {
+                second
+            }
+        }
+        None => OUTSIDE[usize::from(variant.min(2))],
+    }
+}
