@@ -3,6 +3,10 @@
 //! Nothing here depends on when, where or with which version it ran, except the fields under [`Provenance`],
 //! which `hil diff` and the accepted reports leave out.
 
+mod file;
+
+pub use file::{RECORD_FILE, RecordError, SCHEMA, records};
+
 use serde::{Deserialize, Serialize};
 
 /// The verdict of a measurement, a phase or a run, the least severe first.

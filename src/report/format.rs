@@ -103,37 +103,54 @@ pub fn simulation_mark(record: &TestRecord) -> Option<&'static str> {
     record.simulated.then_some("SIMULATION - the pressures come from a model, not from a valve")
 }
 
-/// One figure of the stability of the loop: name, printed value, remark.
-pub type MarginLine = (&'static str, String, String);
+/// One figure of the stability of the loop.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Margin {
+    /// Name of the figure.
+    pub name: &'static str,
+    /// The figure in `unit`; `None` where it does not exist.
+    pub value: Option<f64>,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Where it was found, or over what.
+    pub remark: String,
+}
 
-/// The margins of the record, in the order in which they are read; a figure that does not exist is a dash.
-pub fn margins(stability: &Value) -> Vec<MarginLine> {
+impl Margin {
+    /// The figure with its unit, or a dash.
+    pub fn print(&self) -> String {
+        self.value.map_or_else(|| "-".into(), |v| quantity(v, self.unit))
+    }
+}
+
+/// The margins of the record, in the order in which they are read.
+pub fn margins(stability: &Value) -> Vec<Margin> {
     let get = |at: &str| stability.pointer(at).and_then(Value::as_f64);
-    let print = |at: &str, unit: &str| get(at).map_or_else(|| "-".into(), |v| quantity(v, unit));
     let at = |place: &str| get(place).map_or_else(String::new, |v| format!("at {}", quantity(v, "rad/s")));
-    let mut lines = vec![
-        ("gain margin", print("/gain_margin_db", "dB"), at("/phase_crossover_rad_s")),
-        ("phase margin", print("/phase_margin_deg", "deg"), at("/gain_crossover_rad_s")),
-        ("delay margin", print("/delay_margin_s", "s"), String::new()),
-        ("maximum sensitivity", print("/max_sensitivity", "1"), String::new()),
-        ("K_P limit (Routh, Pade)", print("/routh/kp_max_ma_per_bar", "mA/bar"), String::new()),
-        ("K_I limit (Routh, Pade)", print("/routh/ki_max_ma_per_bar_s", "mA/(bar s)"), String::new()),
-    ];
-    if stability.pointer("/sampled").is_some_and(|v| !v.is_null()) {
+    let mut margins = Vec::new();
+    let mut add = |name, at: &str, unit, remark: String| margins.push(Margin { name, value: get(at), unit, remark });
+    add("gain margin", "/gain_margin_db", "dB", at("/phase_crossover_rad_s"));
+    add("phase margin", "/phase_margin_deg", "deg", at("/gain_crossover_rad_s"));
+    add("delay margin", "/delay_margin_s", "s", String::new());
+    add("maximum sensitivity", "/max_sensitivity", "1", String::new());
+    add("K_P limit (Routh, Pade)", "/routh/kp_max_ma_per_bar", "mA/bar", String::new());
+    add("K_I limit (Routh, Pade)", "/routh/ki_max_ma_per_bar_s", "mA/(bar s)", String::new());
+    let there = |at: &str| stability.pointer(at).is_some_and(|v| !v.is_null());
+    if there("/sampled") {
         let rate = get("/sampled/rate_hz").map_or_else(String::new, |v| format!("sampled at {}", quantity(v, "Hz")));
-        lines.push(("gain margin, sampled", print("/sampled/gain_margin_db", "dB"), rate.clone()));
-        lines.push(("phase margin, sampled", print("/sampled/phase_margin_deg", "deg"), rate));
+        add("gain margin, sampled", "/sampled/gain_margin_db", "dB", rate.clone());
+        add("phase margin, sampled", "/sampled/phase_margin_deg", "deg", rate);
     }
-    if stability.pointer("/worst_over_delay_range").is_some_and(|v| !v.is_null()) {
-        let remark = "worst over the delay range".to_string();
-        lines.push(("gain margin, worst", print("/worst_over_delay_range/gain_margin_db", "dB"), remark.clone()));
-        lines.push(("phase margin, worst", print("/worst_over_delay_range/phase_margin_deg", "deg"), remark.clone()));
-        lines.push(("delay margin, worst", print("/worst_over_delay_range/delay_margin_s", "s"), remark.clone()));
-        lines.push(("max. sensitivity, worst", print("/worst_over_delay_range/max_sensitivity", "1"), remark.clone()));
-        lines.push(("gain margin, sampled, worst", print("/worst_over_delay_range/sampled/gain_margin_db", "dB"), remark.clone()));
-        lines.push(("phase margin, sampled, worst", print("/worst_over_delay_range/sampled/phase_margin_deg", "deg"), remark));
+    if there("/worst_over_delay_range") {
+        let remark = "worst over delay range".to_string();
+        add("gain margin, worst", "/worst_over_delay_range/gain_margin_db", "dB", remark.clone());
+        add("phase margin, worst", "/worst_over_delay_range/phase_margin_deg", "deg", remark.clone());
+        add("delay margin, worst", "/worst_over_delay_range/delay_margin_s", "s", remark.clone());
+        add("max. sensitivity, worst", "/worst_over_delay_range/max_sensitivity", "1", remark.clone());
+        add("gain margin, sampled, worst", "/worst_over_delay_range/sampled/gain_margin_db", "dB", remark.clone());
+        add("phase margin, sampled, worst", "/worst_over_delay_range/sampled/phase_margin_deg", "deg", remark);
     }
-    lines
+    margins
 }
 
 /// Whether the loop is stable, in words; `None` where the record does not say.

@@ -51,8 +51,8 @@ pub fn markdown(record: &TestRecord) -> String {
         });
         let _ = writeln!(out, "\n## Stability of the loop{gains}: {}\n", format::stable(stability).unwrap_or("not judged"));
         out.push_str("| margin | value | |\n|---|---:|---|\n");
-        for (name, value, remark) in format::margins(stability) {
-            let _ = writeln!(out, "| {name} | {value} | {remark} |");
+        for margin in format::margins(stability) {
+            let _ = writeln!(out, "| {} | {} | {} |", margin.name, margin.print(), margin.remark);
         }
     }
     out.push_str("\n## Timing\n\n");

@@ -25,8 +25,8 @@ pub fn text(record: &TestRecord) -> String {
         });
         wrapped(&mut out, "", &format!("stability of the loop{gains}: {}", format::stable(stability).unwrap_or("not judged")));
         rule(&mut out, '-');
-        for (name, value, remark) in format::margins(stability) {
-            let _ = writeln!(out, "{}", format!("  {name:<28} {value:>22}  {remark}").trim_end());
+        for margin in format::margins(stability) {
+            let _ = writeln!(out, "{}", format!("  {:<28} {:>22}  {}", margin.name, margin.print(), margin.remark).trim_end());
         }
     }
     out.push_str("\ntiming\n");

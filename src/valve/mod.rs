@@ -12,7 +12,7 @@ mod stretch;
 
 pub use curves::ReferenceCurves;
 pub use error::ValveError;
-pub use file::{EffectSpec, Identification, ParameterEstimate};
+pub use file::{EffectSpec, Identification, ParameterEstimate, ValveFile};
 pub use hyperbola::{HyperbolaState, InverseState};
 pub use polynomial::Polynomial;
 pub use stretch::{hyperbola_per_sample, hyperbola_stretches};

@@ -26,8 +26,8 @@ pub fn tiles(record: &TestRecord) -> Markup {
                     .note { @if measurement.limit.is_some() { (badge(format::verdict(measurement), false)) " " } (format::limit(measurement)) }
                 }
             }
-            @for (name, value, remark) in margins.into_iter().take(2) {
-                .tile { .name { (name) } .value { (value) } .note { (remark) } }
+            @for margin in margins.into_iter().take(2) {
+                .tile { .name { (margin.name) } .value { (margin.print()) } .note { (margin.remark) } }
             }
         }
     }
@@ -103,7 +103,7 @@ pub fn margins(stability: &Value) -> Markup {
                 p { "K" sub { "P" } " " b { (format::quantity(kp, "mA/bar")) } ", K" sub { "I" } " " b { (format::quantity(ki, "mA/(bar s)")) } ": " b { (format::stable(stability).unwrap_or("not judged")) } }
             }
             table {
-                tbody { @for (name, value, remark) in format::margins(stability) { tr { td { (name) } td.num { (value) } td.soft { (remark) } } } }
+                tbody { @for margin in format::margins(stability) { tr { td { (margin.name) } td.num { (margin.print()) } td.soft { (margin.remark) } } } }
             }
         }
     }

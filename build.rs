@@ -1,0 +1,39 @@
+//! Collects the sources whose doc comments `hil explain` prints, so that no list of them has to be kept.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Rooms that hold the terms of the trade.
+const ROOMS: [&str; 8] = ["metrics", "physics", "control", "valve", "plan", "limits.rs", "record", "identify"];
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    println!("cargo:rerun-if-changed=src");
+    let root = PathBuf::from(std::env::var("CARGO_MANIFEST_DIR")?).join("src");
+    let mut table = String::from("&[\n");
+    for room in ROOMS {
+        let mut files = Vec::new();
+        collect(&root.join(room), &mut files)?;
+        files.sort();
+        for file in files {
+            let place = file.strip_prefix(&root)?.iter().map(|p| p.to_string_lossy()).collect::<Vec<_>>().join("/");
+            writeln!(table, "    ({place:?}, include_str!({:?})),", file.display().to_string())?;
+        }
+    }
+    table.push_str("]\n");
+    std::fs::write(PathBuf::from(std::env::var("OUT_DIR")?).join("sources.rs"), table)?;
+    Ok(())
+}
+
+fn collect(path: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    if path.is_file() {
+        files.push(path.into());
+    } else if path.is_dir() {
+        for entry in std::fs::read_dir(path)? {
+            let entry = entry?.path();
+            if entry.is_dir() || entry.extension().is_some_and(|e| e == "rs") {
+                collect(&entry, files)?;
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,200 @@
+//! `hil explain`: what a metric, an effect, a margin or a key of a plan means, from the doc comments themselves.
+
+mod doc_comments;
+
+use clap::Args;
+
+use self::doc_comments::{Entry, entries, module_doc, snake};
+use super::{CliError, CliResult, exit};
+use crate::report::{COLUMNS, fold};
+
+/// Sources of the rooms that hold the terms, from `build.rs`: file and text.
+const SOURCES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/sources.rs"));
+
+/// Most entries that are printed for one term.
+const MOST: usize = 6;
+
+/// Which term.
+#[derive(Debug, Args)]
+pub struct ExplainArgs {
+    /// A metric, an effect, a margin, a key of a plan or of a valve file; all that can be asked for where it is left out
+    term: Option<String>,
+}
+
+/// Prints the explanation.
+pub fn run(args: &ExplainArgs) -> CliResult {
+    let all: Vec<Entry> = SOURCES.iter().flat_map(|(file, text)| entries(file, text)).collect();
+    let text = match &args.term {
+        None => overview(&all),
+        Some(term) => explain(&all, term).map_err(CliError::usage)?,
+    };
+    super::print(&text)?;
+    Ok(exit::DONE)
+}
+
+/// The rooms in the order in which an answer is wanted, with the heading of the overview.
+const ROOMS: [(&str, &str); 7] = [
+    ("metrics", "Metrics"),
+    ("physics", "Effects and their simulation"),
+    ("control", "Control and stability"),
+    ("plan", "Plans"),
+    ("limits", "Limits"),
+    ("valve", "Valve models"),
+    ("identify", "Identification"),
+];
+
+fn rank(entry: &Entry) -> usize {
+    ROOMS.iter().position(|r| entry.file.starts_with(r.0)).unwrap_or(ROOMS.len())
+}
+
+/// The explanation of `term`, or a message with the nearest terms.
+fn explain(all: &[Entry], term: &str) -> Result<String, String> {
+    let wanted = snake(term);
+    let with = |matches: &dyn Fn(&Entry) -> bool| all.iter().filter(|e| matches(e)).collect::<Vec<_>>();
+    let mut found = with(&|e| e.name == wanted);
+    if found.is_empty() {
+        // A name that carries its unit: gain_margin finds gain_margin_db.
+        found = with(&|e| e.name.strip_prefix(wanted.as_str()).is_some_and(|rest| rest.starts_with('_')));
+        found.sort_by_key(|e| e.name.len());
+    }
+    if found.is_empty() {
+        return Err(unknown(all, term, &wanted));
+    }
+    found.sort_by_key(|e| (rank(e), e.kind == "fn", e.kind == "variant"));
+    let mut out = String::new();
+    for entry in found.iter().take(MOST) {
+        write(&mut out, all, entry);
+    }
+    if found.len() > MOST {
+        out.push_str(&format!("{} more places use this name.\n", found.len() - MOST));
+    }
+    Ok(out)
+}
+
+fn write(out: &mut String, all: &[Entry], entry: &Entry) {
+    let of = entry.parent.as_ref().map_or_else(String::new, |p| format!(" of {}", snake(p)));
+    out.push_str(&format!("{} ({}{of}, src/{})\n", entry.name, entry.kind, entry.file));
+    paragraphs(out, &entry.doc, 2);
+    let members: Vec<&Entry> =
+        all.iter().filter(|e| e.file == entry.file && e.parent.as_deref().map(snake) == Some(entry.name.clone())).collect();
+    if matches!(entry.kind, "struct" | "enum") && entry.parent.is_none() && !members.is_empty() {
+        out.push('\n');
+        for member in members {
+            let first = member.doc.split("\n\n").next().unwrap_or_default();
+            let lead = format!("  {:<20} ", member.name);
+            let indent = lead.chars().count().min(40);
+            for (n, line) in fold(first, COLUMNS - indent).iter().enumerate() {
+                let lead = if n == 0 { lead.clone() } else { " ".repeat(indent) };
+                out.push_str(&format!("{lead}{line}\n"));
+            }
+        }
+    }
+    if rank(entry) < 2 && entry.parent.is_none() && matches!(entry.kind, "struct" | "enum") {
+        let source = SOURCES.iter().find(|s| s.0 == entry.file).map_or("", |s| s.1);
+        out.push('\n');
+        paragraphs(out, &module_doc(source), 2);
+    }
+    out.push('\n');
+}
+
+/// Paragraphs, folded; lines of a list and indented formulas keep their place.
+fn paragraphs(out: &mut String, text: &str, indent: usize) {
+    let mut paragraph = String::new();
+    let flush = |paragraph: &mut String, out: &mut String| {
+        if !paragraph.is_empty() {
+            for line in fold(paragraph, COLUMNS - indent) {
+                out.push_str(&format!("{:indent$}{line}\n", ""));
+            }
+            paragraph.clear();
+        }
+    };
+    for line in text.lines() {
+        let own = line.is_empty() || line.starts_with("- ") || line.starts_with("  ") || line.starts_with('|') || line.ends_with(':');
+        if own {
+            flush(&mut paragraph, out);
+        }
+        if line.is_empty() {
+            out.push('\n');
+        } else {
+            paragraph.push_str(line);
+            paragraph.push(' ');
+        }
+        if line.ends_with(':') {
+            flush(&mut paragraph, out);
+        }
+    }
+    flush(&mut paragraph, out);
+}
+
+fn unknown(all: &[Entry], term: &str, wanted: &str) -> String {
+    let mut near: Vec<(usize, &str)> = all
+        .iter()
+        .map(|e| (if e.name.contains(wanted) { 0 } else { strsim::osa_distance(wanted, &e.name) }, e.name.as_str()))
+        .filter(|(distance, name)| *distance <= 2.max(name.len() / 3))
+        .collect();
+    near.sort_unstable();
+    near.dedup();
+    let names: Vec<String> = near.iter().take(5).map(|n| format!("`{}`", n.1)).collect();
+    let hint = if names.is_empty() { String::new() } else { format!("; did you mean {}?", names.join(", ")) };
+    format!("`{term}` is not a term of hil{hint} `hil explain` lists all")
+}
+
+/// All terms, room by room: the types and the variants of each.
+fn overview(all: &[Entry]) -> String {
+    let mut out = String::from("Terms that `hil explain TERM` explains (keys of plans and files are terms too):\n");
+    for (n, (_, heading)) in ROOMS.iter().enumerate() {
+        let mut names: Vec<&str> =
+            all.iter().filter(|e| rank(e) == n && matches!(e.kind, "struct" | "enum" | "variant")).map(|e| e.name.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        if !names.is_empty() {
+            out.push_str(&format!("\n{heading}\n"));
+            for line in fold(&names.join(", "), COLUMNS - 2) {
+                out.push_str(&format!("  {line}\n"));
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> Vec<Entry> {
+        SOURCES.iter().flat_map(|(file, text)| entries(file, text)).collect()
+    }
+
+    #[test]
+    fn every_metric_of_a_plan_is_explained() {
+        let all = all();
+        let metrics: Vec<&Entry> = all.iter().filter(|e| e.parent.as_deref() == Some("MetricSpec")).collect();
+        assert!(metrics.len() >= 15);
+        for metric in metrics {
+            let text = explain(&all, &metric.name).unwrap();
+            assert!(text.starts_with(&format!("{} (struct, src/metrics/", metric.name)), "{text}");
+        }
+    }
+
+    #[test]
+    fn everything_fits_80_columns() {
+        let all = all();
+        for entry in &all {
+            for line in explain(&all, &entry.name).unwrap().lines().chain(overview(&all).lines()) {
+                assert!(line.chars().count() <= COLUMNS, "{line}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_margin_is_found_without_its_unit() {
+        assert!(explain(&all(), "gain margin").unwrap().starts_with("gain_margin_db ("));
+    }
+
+    #[test]
+    fn an_unknown_term_names_its_neighbours() {
+        let message = explain(&all(), "setling_time").unwrap_err();
+        assert!(message.contains("`settling_time`"), "{message}");
+        assert!(explain(&all(), "qqqqqqqq").unwrap_err().contains("lists all"));
+    }
+}

@@ -1,0 +1,30 @@
+//! `hil schema`: the JSON Schema of a kind of file, for editors that complete and check while typing.
+
+use clap::{Args, ValueEnum};
+
+use super::{CliError, CliResult, exit};
+
+/// Which kind of file.
+#[derive(Debug, Args)]
+pub struct SchemaArgs {
+    /// The kind of file
+    #[arg(value_enum)]
+    kind: Kind,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    Valve,
+    Driver,
+}
+
+/// Prints the schema.
+pub fn run(args: &SchemaArgs) -> CliResult {
+    let schema = match args.kind {
+        Kind::Valve => schemars::schema_for!(crate::valve::ValveFile),
+        Kind::Driver => schemars::schema_for!(crate::rig::profile::ProfileFile),
+    };
+    let text = serde_json::to_string_pretty(&schema).map_err(|e| CliError { code: exit::INTERNAL, message: e.to_string() })?;
+    super::print(&(text + "\n"))?;
+    Ok(exit::DONE)
+}
