@@ -57,7 +57,11 @@ fn hold(args: &ChallengeArgs, seed: u64, folder: &Path) -> CliResult {
     std::fs::create_dir_all(&sealed).map_err(|e| CliError::not_stored(format!("{}: {e}", sealed.display())))?;
     write_text(&sealed.join("truth.json"), &seal.text).map_err(CliError::not_stored)?;
     let head = report::head(seed, cases.len(), &seal.sha256);
-    if args.format == ChallengeFormat::Text { super::print(&head)? } else { anstream::eprint!("{head}") }
+    if args.format == ChallengeFormat::Text {
+        super::print(&head)?
+    } else {
+        anstream::eprint!("{head}")
+    }
 
     let program = std::env::current_exe().map_err(|e| CliError { code: exit::INTERNAL, message: format!("own program: {e}") })?;
     let mut results = Vec::new();
@@ -69,7 +73,8 @@ fn hold(args: &ChallengeArgs, seed: u64, folder: &Path) -> CliResult {
             super::print(&report::line(k + 1, case, &results[k]))?;
         }
     }
-    let opened = std::fs::read_to_string(sealed.join("truth.json")).map_err(|e| CliError::not_stored(format!("{}: {e}", sealed.display())))?;
+    let opened =
+        std::fs::read_to_string(sealed.join("truth.json")).map_err(|e| CliError::not_stored(format!("{}: {e}", sealed.display())))?;
     if !seal.holds(&opened) {
         return Err(CliError { code: exit::INTERNAL, message: format!("{}: the seal is broken, so nothing is scored", sealed.display()) });
     }
@@ -131,7 +136,8 @@ impl Contestant for Processes<'_> {
 
     fn diagnose(&mut self, record: &Run, _: &PathBuf) -> Result<(Answer, PathBuf), String> {
         write_run(&self.blind.join("record.csv"), record).map_err(|e| e.to_string())?;
-        let text = self.call(&self.blind, &["diagnose", "record.csv", "--model", "model.toml", "-o", "augmented.toml", "--format", "json"])?;
+        let text =
+            self.call(&self.blind, &["diagnose", "record.csv", "--model", "model.toml", "-o", "augmented.toml", "--format", "json"])?;
         write_text(&self.blind.join("diagnosis.json"), &text).map_err(|e| e.to_string())?;
         let answer = read_answer(&text)?;
         let augmented = self.blind.join("augmented.toml");
@@ -155,7 +161,8 @@ fn read_answer(text: &str) -> Result<Answer, String> {
     let document: Value = serde_json::from_str(text).map_err(|e| format!("diagnosis: {e}"))?;
     let word = document["verdict"].as_str().unwrap_or_default();
     let verdict = Verdict::parse(word).ok_or_else(|| format!("diagnosis: verdict `{word}` is none of the contract's"))?;
-    let words = |value: &Value| -> Vec<String> { value.as_array().into_iter().flatten().filter_map(|v| v.as_str().map(str::to_owned)).collect() };
+    let words =
+        |value: &Value| -> Vec<String> { value.as_array().into_iter().flatten().filter_map(|v| v.as_str().map(str::to_owned)).collect() };
     let effects = document["effects"].as_array().ok_or("diagnosis: no list `effects`")?;
     let named = |e: &Value| {
         let id = e["id"].as_str().ok_or("diagnosis: an effect without `id`")?.to_owned();
@@ -170,7 +177,8 @@ mod tests {
 
     #[test]
     fn an_answer_is_read_from_the_keys_of_the_contract() {
-        let text = r#"{"schema":"hil.diagnosis/1","verdict":"explained","effects":[{"id":"first_order_lag","indistinguishable":["sensor_lag"]}]}"#;
+        let text =
+            r#"{"schema":"hil.diagnosis/1","verdict":"explained","effects":[{"id":"first_order_lag","indistinguishable":["sensor_lag"]}]}"#;
         let effects = vec![Named { id: "first_order_lag".into(), indistinguishable: vec!["sensor_lag".into()] }];
         assert_eq!(read_answer(text), Ok(Answer { verdict: Verdict::Explained, effects }));
         assert!(read_answer(r#"{"verdict":"perhaps","effects":[]}"#).is_err_and(|e| e.contains("perhaps")));

@@ -3,8 +3,13 @@
 //! Data goes to stdout, progress and messages to stderr. The exit codes are part of the contract with scripts
 //! and CI: see [`exit`].
 
+mod accept;
+mod challenge;
 mod completions;
+mod diff;
+mod explain;
 mod identify;
+mod schema;
 
 use std::io::Write;
 
@@ -74,11 +79,30 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Conceal an effect in fresh data, diagnose it blind, open the seal, score.
+    #[command(
+        after_help = "Examples:\n  hil challenge\n  hil challenge --seed 7 --count 20\n  hil challenge --seed 7 --count 64 --format markdown > table.md\n  hil challenge --seed 7 --out kept/\n\nThe digest of the sealed truth is printed before anything is diagnosed."
+    )]
+    Challenge(challenge::ChallengeArgs),
     /// Identify a valve model from a recording.
     #[command(
         after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
     )]
     Identify(identify::IdentifyArgs),
+    /// Compare two records, or two folders of records: verdicts first, then figures beyond tolerance.
+    #[command(
+        after_help = "Examples:\n  hil diff reports/tipin reports/runs/tipin\n  hil diff reports reports/runs --format markdown > diff.md\n  hil diff A B --tolerance rmse=\"5 mbar\"\n\nExit code 1 when anything differs beyond tolerance."
+    )]
+    Diff(diff::DiffArgs),
+    /// Make a record the accepted one of its plan, under reports/.
+    #[command(after_help = "Example:\n  hil accept reports/runs/tipin")]
+    Accept(accept::AcceptArgs),
+    /// Explain a metric, an effect, a margin, or a key of a plan or of a valve file.
+    #[command(after_help = "Examples:\n  hil explain\n  hil explain settling_time\n  hil explain \"gain margin\"")]
+    Explain(explain::ExplainArgs),
+    /// Print the JSON Schema of a kind of file, for editors.
+    #[command(after_help = "Example:\n  hil schema valve > valve.schema.json")]
+    Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
     Completions(completions::CompletionsArgs),
 }
@@ -94,7 +118,12 @@ pub fn main() -> u8 {
         }
     };
     let result: CliResult = match cli.command {
+        Command::Challenge(args) => challenge::run(&args),
         Command::Identify(args) => identify::run(&args),
+        Command::Diff(args) => diff::run(&args),
+        Command::Accept(args) => accept::run(&args),
+        Command::Explain(args) => explain::run(&args),
+        Command::Schema(args) => schema::run(&args),
         Command::Completions(args) => completions::run(&args),
     };
     result.unwrap_or_else(|error| {

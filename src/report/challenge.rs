@@ -120,7 +120,10 @@ pub fn text(outcomes: &[Outcome]) -> String {
 /// Figures, confusion matrix and cases as tables.
 pub fn markdown(seed: u64, sha256: &str, outcomes: &[Outcome]) -> String {
     let (table, errors) = sums(outcomes);
-    let mut text = format!("Seed {seed}, {} valves, sealed truth SHA-256 `{sha256}`.\n\n| figure | value (95 % interval after Wilson) |\n|---|---|\n", outcomes.len());
+    let mut text = format!(
+        "Seed {seed}, {} valves, sealed truth SHA-256 `{sha256}`.\n\n| figure | value (95 % interval after Wilson) |\n|---|---|\n",
+        outcomes.len()
+    );
     for (name, figure) in figures(&table, errors) {
         let _ = writeln!(text, "| {} | {figure} |", name.trim_start());
     }
@@ -152,7 +155,8 @@ pub fn markdown(seed: u64, sha256: &str, outcomes: &[Outcome]) -> String {
 /// Everything, `schema: "hil.challenge/1"`.
 pub fn json(seed: u64, sha256: &str, cases: &[Case], outcomes: &[Outcome]) -> String {
     let (table, errors) = sums(outcomes);
-    let share = |s: Share| json!({ "hits": s.hits, "of": s.of, "low": s.wilson().map(|w| digits(w.0)), "high": s.wilson().map(|w| digits(w.1)) });
+    let share =
+        |s: Share| json!({ "hits": s.hits, "of": s.of, "low": s.wilson().map(|w| digits(w.0)), "high": s.wilson().map(|w| digits(w.1)) });
     let rows: Vec<Value> = cases.iter().zip(outcomes).map(|(case, outcome)| row(case, outcome)).collect();
     let document = json!({
         "schema": "hil.challenge/1",
@@ -217,12 +221,31 @@ mod tests {
     #[test]
     fn a_case_reads_as_truth_answer_and_what_it_was_worth() {
         let case = placed(12, vec![Concealed { id: "stiction", variant: 1, severity: 0.4 }]);
-        insta::assert_snapshot!(line(7, &case, &outcomes()[0]), @r"");
+        insta::assert_snapshot!(line(7, &case, &outcomes()[0]), @r"
+        7  right stiction (mass on a spring with Coulomb friction after Karnopp, faint); closed loop
+                -> explained: stiction (or reversal_dead_band); unseen drive 0.250 -> 0.100 bar, healthy twin 0.090 bar, recovered 0.94
+        ");
     }
 
     #[test]
     fn the_table_names_its_intervals_and_its_failures() {
-        insta::assert_snapshot!(text(&outcomes()), @r"");
+        insta::assert_snapshot!(text(&outcomes()), @r"
+        single effect named first                      1 of 1 (100 %; 21 to 100 %)
+          clear                                        no case
+          faint                                        1 of 1 (100 %; 21 to 100 %)
+        named, or in a class of at most three          1 of 1 (100 %; 21 to 100 %)
+        pairs, both named                              no case
+        healthy valves left alone                      no case
+        unknown effects admitted                       no case
+        false names beside the concealed ones          0
+        misfit recovered on the unseen drive, median   0.94
+          worst tenth                                  0.94
+        cases without an answer                        1
+        95 % intervals after Wilson
+
+        concealed -> named first
+        stiction                                       stiction 1
+        ");
     }
 
     #[test]

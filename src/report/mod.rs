@@ -1,5 +1,7 @@
 //! Pure functions of a record: text, JSON, Markdown, JUnit, HTML. They format; they compute nothing.
 
+pub mod challenge;
+pub mod diff;
 pub mod format;
 mod html;
 pub mod identify;
@@ -18,4 +20,4 @@ pub use page::page;
 pub use text::{COLUMNS, fold, text};
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

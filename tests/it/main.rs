@@ -1,4 +1,5 @@
 //! Integration tests: the library and the program from outside.
 
+mod blind;
 mod peers;
 mod wire;
