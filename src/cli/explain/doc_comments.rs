@@ -81,12 +81,14 @@ fn identifier(text: &str) -> Option<&str> {
 /// `SettlingTime`, `settling-time` and `Settling time` as `settling_time`.
 pub fn snake(name: &str) -> String {
     let mut out = String::new();
-    let mut previous_lower = false;
-    for c in name.trim().chars() {
-        if c.is_uppercase() && previous_lower {
+    let letters: Vec<char> = name.trim().chars().collect();
+    for (n, c) in letters.iter().copied().enumerate() {
+        let before = n.checked_sub(1).map(|p| letters[p]);
+        let begins = before.is_some_and(|p| p.is_lowercase() || p.is_ascii_digit())
+            || (before.is_some_and(char::is_uppercase) && letters.get(n + 1).is_some_and(|next| next.is_lowercase()));
+        if c.is_uppercase() && begins {
             out.push('_');
         }
-        previous_lower = c.is_lowercase() || c.is_ascii_digit();
         out.extend(if matches!(c, '-' | ' ') { '_' } else { c }.to_lowercase());
     }
     // A constant is upper case throughout and has its underscores already.
@@ -132,5 +134,6 @@ mod tests {
             assert_eq!(snake(spelling), "settling_time");
         }
         assert_eq!(snake("LIMIT_A"), "limit_a");
+        assert_eq!(snake("NotAStep"), "not_a_step");
     }
 }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use self::doc_comments::{Entry, entries, module_doc, snake};
 use super::{CliError, CliResult, exit};
+use crate::physics::{EFFECTS, Effect};
 use crate::report::{COLUMNS, fold};
 
 /// Sources of the rooms that hold the terms, from `build.rs`: file and text.
@@ -33,9 +34,8 @@ pub fn run(args: &ExplainArgs) -> CliResult {
 }
 
 /// The rooms in the order in which an answer is wanted, with the heading of the overview.
-const ROOMS: [(&str, &str); 7] = [
+const ROOMS: [(&str, &str); 6] = [
     ("metrics", "Metrics"),
-    ("physics", "Effects and their simulation"),
     ("control", "Control and stability"),
     ("plan", "Plans"),
     ("limits", "Limits"),
@@ -50,6 +50,9 @@ fn rank(entry: &Entry) -> usize {
 /// The explanation of `term`, or a message with the nearest terms.
 fn explain(all: &[Entry], term: &str) -> Result<String, String> {
     let wanted = snake(term);
+    if let Some(effect) = EFFECTS.iter().find(|e| e.id() == wanted) {
+        return Ok(effect_page(*effect));
+    }
     let with = |matches: &dyn Fn(&Entry) -> bool| all.iter().filter(|e| matches(e)).collect::<Vec<_>>();
     let mut found = with(&|e| e.name == wanted);
     if found.is_empty() {
@@ -60,7 +63,8 @@ fn explain(all: &[Entry], term: &str) -> Result<String, String> {
     if found.is_empty() {
         return Err(unknown(all, term, &wanted));
     }
-    found.sort_by_key(|e| (rank(e), e.kind == "fn", e.kind == "variant"));
+    // Within a room the fullest definition first; a mere reference to another place last.
+    found.sort_by_key(|e| (rank(e), e.doc.starts_with("See "), e.kind == "fn", e.kind == "variant", std::cmp::Reverse(e.doc.len())));
     let mut out = String::new();
     for entry in found.iter().take(MOST) {
         write(&mut out, all, entry);
@@ -69,6 +73,33 @@ fn explain(all: &[Entry], term: &str) -> Result<String, String> {
         out.push_str(&format!("{} more places use this name.\n", found.len() - MOST));
     }
     Ok(out)
+}
+
+/// The head of an effect's source file, and its parameters.
+fn effect_page(effect: &dyn Effect) -> String {
+    let mut out = format!("{} (effect)\n", effect.id());
+    let doc = effect.doc();
+    // The first line is the name once more, as a heading.
+    let body = if doc.starts_with('#') { doc.split_once('\n').map_or("", |d| d.1) } else { &doc };
+    paragraphs(&mut out, body.trim_start_matches('\n'), 2);
+    out.push_str("\n  parameters:\n");
+    for parameter in effect.parameters() {
+        let (low, high) = (parameter.unit.print(parameter.range.0), parameter.unit.print(parameter.range.1));
+        let default = parameter.default.map_or_else(String::new, |v| format!("; {} where it is not given", parameter.unit.print(v)));
+        listed(&mut out, parameter.name, &format!("{}; {low} to {high}{default}", parameter.meaning));
+    }
+    out.push('\n');
+    out
+}
+
+/// A name with its meaning in the columns of a list.
+fn listed(out: &mut String, name: &str, meaning: &str) {
+    let lead = format!("  {name:<20} ");
+    let indent = lead.chars().count().min(40);
+    for (n, line) in fold(meaning, COLUMNS - indent).iter().enumerate() {
+        let lead = if n == 0 { lead.clone() } else { " ".repeat(indent) };
+        out.push_str(&format!("{lead}{line}\n"));
+    }
 }
 
 fn write(out: &mut String, all: &[Entry], entry: &Entry) {
@@ -80,16 +111,10 @@ fn write(out: &mut String, all: &[Entry], entry: &Entry) {
     if matches!(entry.kind, "struct" | "enum") && entry.parent.is_none() && !members.is_empty() {
         out.push('\n');
         for member in members {
-            let first = member.doc.split("\n\n").next().unwrap_or_default();
-            let lead = format!("  {:<20} ", member.name);
-            let indent = lead.chars().count().min(40);
-            for (n, line) in fold(first, COLUMNS - indent).iter().enumerate() {
-                let lead = if n == 0 { lead.clone() } else { " ".repeat(indent) };
-                out.push_str(&format!("{lead}{line}\n"));
-            }
+            listed(out, &member.name, member.doc.split("\n\n").next().unwrap_or_default());
         }
     }
-    if rank(entry) < 2 && entry.parent.is_none() && matches!(entry.kind, "struct" | "enum") {
+    if rank(entry) == 0 && entry.parent.is_none() && matches!(entry.kind, "struct" | "enum") {
         let source = SOURCES.iter().find(|s| s.0 == entry.file).map_or("", |s| s.1);
         out.push('\n');
         paragraphs(out, &module_doc(source), 2);
@@ -129,27 +154,46 @@ fn paragraphs(out: &mut String, text: &str, indent: usize) {
 fn unknown(all: &[Entry], term: &str, wanted: &str) -> String {
     let mut near: Vec<(usize, &str)> = all
         .iter()
-        .map(|e| (if e.name.contains(wanted) { 0 } else { strsim::osa_distance(wanted, &e.name) }, e.name.as_str()))
-        .filter(|(distance, name)| *distance <= 2.max(name.len() / 3))
+        .map(|e| e.name.as_str())
+        .chain(EFFECTS.iter().map(|e| e.id()))
+        .map(|name| (distance(wanted, name), name))
+        .filter(|(distance, _)| *distance <= 2.max(wanted.len() / 4))
         .collect();
     near.sort_unstable();
     near.dedup();
     let names: Vec<String> = near.iter().take(5).map(|n| format!("`{}`", n.1)).collect();
-    let hint = if names.is_empty() { String::new() } else { format!("; did you mean {}?", names.join(", ")) };
-    format!("`{term}` is not a term of hil{hint} `hil explain` lists all")
+    let hint = if names.is_empty() { String::new() } else { format!(": did you mean {}?", names.join(", ")) };
+    format!("`{term}` is not a term of hil{hint}\n`hil explain` lists all terms")
+}
+
+/// How far a typed term is from a name, or from the nearest of its words.
+fn distance(wanted: &str, name: &str) -> usize {
+    if name.contains(wanted) {
+        return 0;
+    }
+    let words = name.split('_').map(|word| strsim::osa_distance(wanted, word) + 1);
+    words.chain([strsim::osa_distance(wanted, name)]).min().unwrap_or(usize::MAX)
 }
 
 /// All terms, room by room: the types and the variants of each.
 fn overview(all: &[Entry]) -> String {
     let mut out = String::from("Terms that `hil explain TERM` explains (keys of plans and files are terms too):\n");
     for (n, (_, heading)) in ROOMS.iter().enumerate() {
-        let mut names: Vec<&str> =
-            all.iter().filter(|e| rank(e) == n && matches!(e.kind, "struct" | "enum" | "variant")).map(|e| e.name.as_str()).collect();
+        let of_errors = |e: &Entry| e.parent.as_deref().unwrap_or(&e.name).to_lowercase().ends_with("error");
+        let metric = |e: &Entry| e.parent.as_deref() == Some("MetricSpec");
+        let term = |e: &&Entry| rank(e) == n && matches!(e.kind, "struct" | "enum" | "variant") && !of_errors(e) && (n > 0 || metric(e));
+        let mut names: Vec<&str> = all.iter().filter(term).map(|e| e.name.as_str()).collect();
         names.sort_unstable();
         names.dedup();
         if !names.is_empty() {
             out.push_str(&format!("\n{heading}\n"));
             for line in fold(&names.join(", "), COLUMNS - 2) {
+                out.push_str(&format!("  {line}\n"));
+            }
+        }
+        if n == 0 {
+            out.push_str("\nEffects\n");
+            for line in fold(&EFFECTS.iter().map(|e| e.id()).collect::<Vec<_>>().join(", "), COLUMNS - 2) {
                 out.push_str(&format!("  {line}\n"));
             }
         }
@@ -173,6 +217,17 @@ mod tests {
         for metric in metrics {
             let text = explain(&all, &metric.name).unwrap();
             assert!(text.starts_with(&format!("{} (struct, src/metrics/", metric.name)), "{text}");
+        }
+    }
+
+    #[test]
+    fn every_effect_is_explained_with_its_parameters() {
+        for effect in EFFECTS {
+            let text = explain(&all(), effect.id()).unwrap();
+            for part in effect.parameters().iter().map(|p| p.name).chain(["Signature", "Source"]) {
+                assert!(text.contains(part), "{part}: {text}");
+            }
+            assert!(text.lines().all(|l| l.chars().count() <= COLUMNS), "{text}");
         }
     }
 
