@@ -1,4 +1,15 @@
 //! Many records: acceptance of a batch of valves, its store, its process statistics.
 
+mod error;
+
+pub mod acceptance;
+pub mod duts;
+#[cfg(test)]
+mod example;
+pub mod journal;
 pub mod msa;
+pub mod serial;
+pub mod station;
 pub mod statistics;
+
+pub use error::BatchError;
