@@ -107,6 +107,14 @@ impl Unit {
         all_units().find(|u| u.symbol == symbol)
     }
 
+    /// The unit of which `text`, a number with its unit, carries a spelling; of several, the first.
+    pub fn of_text(text: &str) -> Option<&'static Unit> {
+        let (number, unit) = split(text);
+        let unit = if unit.is_empty() { "1" } else { unit };
+        number.parse::<f64>().ok()?;
+        all_units().find(|u| u.spellings.iter().any(|s| s.0 == unit))
+    }
+
     /// `value` with the canonical unit and this unit's fixed number of decimals.
     pub fn print(&self, value: f64) -> String {
         let text = format!("{value:.*}", self.decimals);

@@ -6,8 +6,11 @@ pub mod acceptance;
 pub mod duts;
 #[cfg(test)]
 mod example;
+pub mod index;
 pub mod journal;
+pub mod master;
 pub mod msa;
+pub mod population;
 pub mod serial;
 pub mod station;
 pub mod statistics;
