@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::BatchError;
 use super::journal::{self, Kind, Line, Place};
+use super::tally::measurements;
 use crate::record::Outcome;
 
 /// Name of the file in the folder that it indexes.
@@ -319,18 +320,16 @@ fn insert(transaction: &Transaction, segment: i64, place: Place, line: &Line) ->
     let mut name = transaction.prepare_cached("INSERT INTO metric (phase, metric, unit) VALUES (?1, ?2, ?3)")?;
     let mut measurement =
         transaction.prepare_cached("INSERT OR REPLACE INTO measurement (metric, attempt, value, outcome) VALUES (?1, ?2, ?3, ?4)")?;
-    for phase in &record.phases {
-        for m in &phase.measurements {
-            let key = params![phase.name, m.metric, m.unit];
-            let metric: i64 = match find.query_row(key, |r| r.get(0)).optional()? {
-                Some(id) => id,
-                None => {
-                    name.execute(key)?;
-                    transaction.last_insert_rowid()
-                }
-            };
-            measurement.execute(params![metric, id, m.value, outcome_text(m.outcome)])?;
-        }
+    for (phase, metric, m) in measurements(record) {
+        let key = params![phase, metric, m.unit];
+        let metric: i64 = match find.query_row(key, |r| r.get(0)).optional()? {
+            Some(id) => id,
+            None => {
+                name.execute(key)?;
+                transaction.last_insert_rowid()
+            }
+        };
+        measurement.execute(params![metric, id, m.value, outcome_text(m.outcome)])?;
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 mod error;
 
 pub mod acceptance;
+pub mod campaign;
 pub mod duts;
 #[cfg(test)]
 mod example;
@@ -14,5 +15,8 @@ pub mod population;
 pub mod serial;
 pub mod station;
 pub mod statistics;
+pub mod store;
+pub mod summary;
+pub mod tally;
 
 pub use error::BatchError;
