@@ -53,8 +53,19 @@ pub struct Confirmed {
 /// The clock of the journal: the present as RFC 3339.
 pub type Clock<'a> = &'a (dyn Fn() -> String + Sync);
 
+/// What all workers of a campaign follow.
+#[derive(Clone, Copy)]
+pub struct Rules<'a> {
+    /// When a further attempt is made.
+    pub retry: &'a Retry,
+    /// Set to let running attempts end and begin no other.
+    pub stop: &'a AtomicBool,
+    /// The clock of the journal.
+    pub clock: Clock<'a>,
+}
+
 /// Tests every job. The result is what was confirmed, added to `tally`; `told` hears of each confirmed record in the order of its
-/// confirmation. A set `stop` lets running attempts end and begins no other.
+/// confirmation.
 ///
 /// # Errors
 /// The first error of a worker or of the disk; what was confirmed before stays.
@@ -62,9 +73,7 @@ pub fn run(
     journal: Journal,
     jobs: impl Iterator<Item = Job> + Send,
     workers: Vec<Worker<'_>>,
-    retry: &Retry,
-    stop: &AtomicBool,
-    clock: Clock<'_>,
+    rules: Rules<'_>,
     tally: &mut Tally,
     mut told: impl FnMut(&Confirmed),
 ) -> Result<(), BatchError> {
@@ -88,9 +97,9 @@ pub fn run(
         for mut worker in workers {
             let (sender, journal, jobs, failed, halt) = (sender.clone(), &journal, &jobs, &failed, &halt);
             scope.spawn(move || {
-                while !stop.load(Ordering::Relaxed) && !halt.load(Ordering::Relaxed) {
+                while !rules.stop.load(Ordering::Relaxed) && !halt.load(Ordering::Relaxed) {
                     let Some(job) = lock(jobs).next() else { break };
-                    if let Err(e) = attempts(&mut worker, job, journal, &sender, retry, stop, clock) {
+                    if let Err(e) = attempts(&mut worker, job, journal, &sender, rules) {
                         halt.store(true, Ordering::Relaxed);
                         lock(failed).get_or_insert(e);
                     }
@@ -122,10 +131,9 @@ fn attempts(
     mut job: Job,
     journal: &Mutex<Journal>,
     sender: &SyncSender<Confirmed>,
-    retry: &Retry,
-    stop: &AtomicBool,
-    clock: Clock<'_>,
+    rules: Rules<'_>,
 ) -> Result<(), BatchError> {
+    let Rules { retry, stop, clock } = rules;
     loop {
         let (position, attempt) = (job.position, job.attempt);
         let begin = Line { event: Kind::Started, position, attempt, at: clock(), dut: Some(job.dut.clone()), record: None };
@@ -188,6 +196,10 @@ mod tests {
         Box::new(|job: &Job| Ok(example::record(&job.dut.serial, job.position as u64)))
     }
 
+    fn rules<'a>(retry: &'a Retry, stop: &'a AtomicBool) -> Rules<'a> {
+        Rules { retry, stop, clock: &clock }
+    }
+
     const ONCE: Retry = Retry { most: 1, after: vec![] };
 
     #[test]
@@ -198,7 +210,7 @@ mod tests {
             let journal = Journal::begin(dir.path()).unwrap();
             let workers = (0..workers).map(|_| simulated()).collect();
             let mut told = 0;
-            run(journal, jobs(700), workers, &ONCE, &AtomicBool::new(false), &clock, &mut tally, |_| told += 1).unwrap();
+            run(journal, jobs(700), workers, rules(&ONCE, &AtomicBool::new(false)), &mut tally, |_| told += 1).unwrap();
             assert_eq!(told, 700);
             let loaded = store::load(dir.path()).unwrap();
             assert!(loaded.interrupted.is_empty() && loaded.damage.is_empty());
@@ -216,7 +228,7 @@ mod tests {
         let path = dir.path().to_path_buf();
         let mut tally = Tally::default();
         let journal = Journal::begin(dir.path()).unwrap();
-        run(journal, jobs(20), vec![simulated()], &ONCE, &AtomicBool::new(false), &clock, &mut tally, |one| {
+        run(journal, jobs(20), vec![simulated()], rules(&ONCE, &AtomicBool::new(false)), &mut tally, |one| {
             let mut found = false;
             journal::read(&path, |_, line| {
                 found |= line.event == Kind::Finished && line.position == one.job.position;
@@ -243,7 +255,7 @@ mod tests {
         });
         let retry = Retry { most: 3, after: vec![Outcome::Invalid] };
         let journal = Journal::begin(dir.path()).unwrap();
-        run(journal, jobs(3), vec![worker], &retry, &AtomicBool::new(false), &clock, &mut tally, |_| {}).unwrap();
+        run(journal, jobs(3), vec![worker], rules(&retry, &AtomicBool::new(false)), &mut tally, |_| {}).unwrap();
         let seen: Vec<Vec<Outcome>> = tally.valves().map(|v| v.iter().map(|a| a.outcome).collect()).collect();
         use Outcome::{Fail, Invalid, Pass};
         assert_eq!(seen, [vec![Invalid, Pass], vec![Fail], vec![Invalid, Invalid, Invalid]]);
@@ -260,7 +272,7 @@ mod tests {
             Ok(example::record(&job.dut.serial, 1))
         });
         let mut tally = Tally::default();
-        run(Journal::begin(dir.path()).unwrap(), jobs(100), vec![worker], &ONCE, &stop, &clock, &mut tally, |_| {}).unwrap();
+        run(Journal::begin(dir.path()).unwrap(), jobs(100), vec![worker], rules(&ONCE, &stop), &mut tally, |_| {}).unwrap();
         assert_eq!(tally.attempts().len(), 5);
         assert!(store::load(dir.path()).unwrap().interrupted.is_empty());
     }
@@ -274,7 +286,7 @@ mod tests {
         });
         let mut tally = Tally::default();
         let journal = Journal::begin(dir.path()).unwrap();
-        let error = run(journal, jobs(100), vec![worker], &ONCE, &AtomicBool::new(false), &clock, &mut tally, |_| {}).unwrap_err();
+        let error = run(journal, jobs(100), vec![worker], rules(&ONCE, &AtomicBool::new(false)), &mut tally, |_| {}).unwrap_err();
         assert_eq!(error.to_string(), "the bench is gone");
         assert_eq!(tally.attempts().len(), 7);
         let loaded = store::load(dir.path()).unwrap();

@@ -53,6 +53,21 @@ pub struct Query {
     pub limit: usize,
 }
 
+/// One measurement of an answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figure {
+    /// Phase of the plan.
+    pub phase: String,
+    /// Metric.
+    pub metric: String,
+    /// The value; `None` where it could not be measured.
+    pub value: Option<f64>,
+    /// Unit of the value.
+    pub unit: String,
+    /// Verdict, as the records write it.
+    pub outcome: String,
+}
+
 /// One attempt.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Answer {
@@ -76,9 +91,9 @@ pub struct Answer {
     pub at: String,
     /// Name of the plan.
     pub plan: String,
-    /// The metrics that were asked for: phase, metric, value, unit, outcome.
+    /// The metrics that were asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub measurements: Vec<(String, String, Option<f64>, String, String)>,
+    pub measurements: Vec<Figure>,
     /// Where the record stands.
     #[serde(skip)]
     pub place: (String, u32, u64, u64),
@@ -201,16 +216,13 @@ impl Index {
         Ok(answers)
     }
 
-    fn measurements(
-        &self,
-        attempt: i64,
-        phase: Option<&str>,
-        metric: &str,
-    ) -> rusqlite::Result<Vec<(String, String, Option<f64>, String, String)>> {
+    fn measurements(&self, attempt: i64, phase: Option<&str>, metric: &str) -> rusqlite::Result<Vec<Figure>> {
         let text = "SELECT k.phase, k.metric, m.value, k.unit, m.outcome FROM metric k JOIN measurement m ON m.metric = k.id \
                     WHERE k.metric = ?1 AND (?2 IS NULL OR k.phase = ?2) AND m.attempt = ?3 ORDER BY k.id";
         let mut statement = self.db.prepare_cached(text)?;
-        let rows = statement.query_map(params![metric, phase, attempt], |r| Ok((r.get(0)?, r.get(1)?, r.get(2)?, r.get(3)?, r.get(4)?)))?;
+        let rows = statement.query_map(params![metric, phase, attempt], |r| {
+            Ok(Figure { phase: r.get(0)?, metric: r.get(1)?, value: r.get(2)?, unit: r.get(3)?, outcome: r.get(4)? })
+        })?;
         rows.collect()
     }
 
@@ -380,7 +392,7 @@ mod tests {
         assert_eq!(index.record(&by_serial[0]).unwrap().record.unwrap().dut.serial, "V73");
         assert_eq!(ask(dir.path(), Query { lot: Some("L3".into()), ..Query::default() }).len(), 10);
         let by_metric = ask(dir.path(), Query { lot: Some("L3".into()), metric: Some("main/rmse".into()), ..Query::default() });
-        assert_eq!(by_metric[0].measurements[0].3, "bar");
+        assert_eq!(by_metric[0].measurements[0].unit, "bar");
         assert!(ask(dir.path(), Query { metric: Some("overshoot".into()), ..Query::default() }).is_empty());
         let time = Query { since: Some("2026-01-01T00:01:00Z".into()), until: Some("2026-01-01T00:01:05Z".into()), ..Query::default() };
         assert_eq!(ask(dir.path(), time).len(), 5);
