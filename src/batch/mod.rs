@@ -4,6 +4,7 @@ mod error;
 
 pub mod acceptance;
 pub mod campaign;
+pub mod comparison;
 pub mod duts;
 #[cfg(test)]
 mod example;

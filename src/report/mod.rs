@@ -1,5 +1,6 @@
 //! Pure functions of a record: text, JSON, Markdown, JUnit, HTML. They format; they compute nothing.
 
+pub mod batch;
 pub mod challenge;
 pub mod diff;
 pub mod format;

@@ -13,12 +13,12 @@ pub(super) fn normal_cdf(z: f64) -> f64 {
 }
 
 /// Quantile of Student's t; NaN where `freedom` is not positive.
-pub(super) fn t_quantile(p: f64, freedom: f64) -> f64 {
+pub(in crate::batch) fn t_quantile(p: f64, freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::NAN, |t| t.inverse_cdf(p))
 }
 
 /// Two-sided tail probability of Student's t.
-pub(super) fn t_two_sided(t: f64, freedom: f64) -> f64 {
+pub(in crate::batch) fn t_two_sided(t: f64, freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::NAN, |d| 2.0 * d.cdf(-t.abs()))
 }
 

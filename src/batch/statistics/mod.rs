@@ -16,13 +16,14 @@ mod sample;
 
 pub use capability::{Capability, Index, Tolerance, capability};
 pub use chart::{ControlChart, Rule, Signal, WITHIN_D2, control_chart};
-pub(in crate::batch) use distribution::f_upper;
+pub(in crate::batch) use distribution::{f_upper, t_quantile, t_two_sided};
 pub use drift::{Drift, drift};
 pub use histogram::{Histogram, histogram};
 pub use normality::{Normality, normality};
 pub use outliers::{Outlier, outliers};
 pub use pareto::{ParetoBar, pareto};
 pub use proportion::{Proportion, clopper_pearson, proportion, wilson};
+pub(in crate::batch) use sample::mean_deviation;
 pub use sample::{Sample, sample};
 
 use serde::{Deserialize, Serialize};

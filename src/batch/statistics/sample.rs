@@ -25,7 +25,7 @@ pub struct Sample {
 }
 
 /// Mean and standard deviation, in two passes so that a large offset costs no digits.
-pub(super) fn mean_deviation(values: &[f64]) -> (f64, f64) {
+pub(in crate::batch) fn mean_deviation(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
