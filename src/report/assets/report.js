@@ -11,6 +11,7 @@
     f.y = (t) => f.ylog ? f.y0 * Math.pow(f.y1 / f.y0, t) : f.y0 + t * (f.y1 - f.y0);
     f.place = (x) => f.xlog ? Math.log(x / f.x0) / Math.log(f.x1 / f.x0) : (x - f.x0) / (f.x1 - f.x0);
     f.plain = f.ticks.innerHTML;
+    f.grid = f.svg.querySelector(".grid"); f.plainGrid = f.grid.getAttribute("d"); f.rows = (f.plainGrid.match(/M0 \d+H\d+/g) || []).join("");
     f.bands = [...area.querySelectorAll(".band-label[data-from]")];
     return f;
   });
@@ -53,14 +54,17 @@
       label.style.left = 100 * l + "%"; label.style.width = 100 * (r - l) + "%";
     }
     f.area.querySelectorAll(".marker-label").forEach((n) => { n.style.visibility = a === 0 && b === 1 ? "" : "hidden"; });
-    if (a === 0 && b === 1) { f.ticks.innerHTML = f.plain; return; }
+    if (a === 0 && b === 1) { f.ticks.innerHTML = f.plain; f.grid.setAttribute("d", f.plainGrid); return; }
     f.ticks.textContent = "";
     const lo = f.x(a), hi = f.x(b), raw = (hi - lo) / 8, pow = Math.pow(10, Math.floor(Math.log10(raw)));
     const step = pow * [1, 2, 5, 10].find((k) => k * pow >= raw), digits = Math.max(0, -Math.floor(Math.log10(step * 1.000001)));
+    let columns = "";
     for (let n = Math.ceil(lo / step); n * step <= hi; n++) {
+      columns += `M${Math.round(f.place(n * step) * W)} 0V${H}`;
       const s = document.createElement("span"); s.textContent = (n * step).toFixed(digits);
       s.style.left = 100 * (f.place(n * step) - a) / (b - a) + "%"; f.ticks.append(s);
     }
+    f.grid.setAttribute("d", columns + f.rows);
   };
   for (const f of figures) {
     let from = null, box = null;
