@@ -21,8 +21,9 @@ const SIGNALS: [(&str, i32); 3] =
 /// What loop and supervisor share. All of it can be touched from the loop without waiting.
 #[derive(Debug, Default)]
 pub struct LoopControl {
-    /// 0, or one more than the index of the signal.
-    stop: AtomicU8,
+    stop: AtomicBool,
+    /// Index of the signal that asked for it.
+    signal: AtomicU8,
     heartbeat: AtomicU64,
     safe: Mutex<Option<SafeState>>,
 }
@@ -41,13 +42,19 @@ impl LoopControl {
     /// Asks the loop to stop at its next slot, in the name of a signal.
     pub fn request_stop(&self, signal: &str) {
         let index = SIGNALS.iter().position(|s| s.0 == signal).unwrap_or(0);
-        self.stop.store(index as u8 + 1, Ordering::Relaxed);
+        self.signal.store(index as u8, Ordering::Relaxed);
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Set once a stop was asked for.
+    pub fn stop_flag(&self) -> &AtomicBool {
+        &self.stop
     }
 
     /// The signal that asked the loop to stop.
     pub fn stop_requested(&self) -> Option<&'static str> {
-        let index = usize::from(self.stop.load(Ordering::Relaxed)).checked_sub(1)?;
-        SIGNALS.get(index).map(|s| s.0)
+        let asked = self.stop.load(Ordering::Relaxed);
+        SIGNALS.get(usize::from(self.signal.load(Ordering::Relaxed))).filter(|_| asked).map(|s| s.0)
     }
 
     /// Keeps the outcome of the latest attempt to reach the safe state.

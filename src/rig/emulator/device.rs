@@ -61,7 +61,7 @@ pub struct Device {
     profile: Arc<Profile>,
     registers: BTreeMap<(u8, Table, u16), u16>,
     load: Load,
-    steps: u64,
+    stepped_s: f64,
     setpoint_a: f64,
     enabled: bool,
     tripped: bool,
@@ -100,7 +100,7 @@ impl Device {
             profile,
             registers,
             load,
-            steps: 0,
+            stepped_s: 0.0,
             setpoint_a: 0.0,
             enabled,
             tripped: false,
@@ -141,15 +141,28 @@ impl Device {
         self.run_valve(now_s);
     }
 
+    /// Steps the valve while the host is silent: whole steps that are over by half a step and more.
     fn run_valve(&mut self, now_s: f64) {
         let coil_a = self.report.coil_a;
         if let Load::Valve { step, period_s } = &mut self.load {
-            while (self.steps + 1) as f64 * *period_s <= now_s {
+            while now_s - self.stepped_s >= 1.5 * *period_s {
                 self.report.pressure_bar = step(coil_a);
-                self.steps += 1;
+                self.stepped_s += *period_s;
             }
         }
         self.conversions = (now_s * self.profile.device.update_hz) as u64;
+    }
+
+    /// Steps the valve in time with the host: a set-point that comes a little early or late still begins one step, so
+    /// that a loop of the valve's own period sees the simulated valve sample by sample.
+    fn step_with_host(&mut self, now_s: f64) {
+        let coil_a = self.report.coil_a;
+        if let Load::Valve { step, period_s } = &mut self.load
+            && now_s - self.stepped_s >= 0.5 * *period_s
+        {
+            self.report.pressure_bar = step(coil_a);
+            self.stepped_s = now_s;
+        }
     }
 
     /// The watchdog trips: the current goes.
@@ -183,6 +196,7 @@ impl Device {
         }
         self.setpoint_a = self.defects.clamp_a.map_or(current_a, |limit| current_a.min(limit));
         self.drive(now_s);
+        self.step_with_host(now_s);
     }
 
     fn drive(&mut self, now_s: f64) {
@@ -407,10 +421,10 @@ mod tests {
     #[test]
     fn a_set_point_drives_the_valve_and_reads_back() {
         let mut d = device();
-        write(&mut d, 0.0, 0, 5000);
-        d.received(0.1);
+        write(&mut d, 0.0015, 0, 5000);
+        d.received(0.101);
         // 6 registers from 0: set-point, token, status, counter, current, pressure.
-        let reply = d.execute(0.1, 1, &[3, 0, 0, 0, 6]).unwrap();
+        let reply = d.execute(0.101, 1, &[3, 0, 0, 0, 6]).unwrap();
         let words: Vec<u16> = reply[2..].chunks(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect();
         assert_eq!(words[..5], [5000, 0, 1, 50, 5000]);
         // 50 steps of the first-order load towards 20 bar, at 200 counts per bar above 4000.

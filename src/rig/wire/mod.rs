@@ -192,12 +192,13 @@ impl WireRig {
         Ok(sample)
     }
 
-    fn count_loss(&mut self, quality: Quality) -> Result<(), RigError> {
-        if quality == Quality::Good {
+    /// Counts lost samples and missed slots in a row; too many are silence, whoever is to blame.
+    fn count_loss(&mut self, quality: Quality, missed_slots: u32) -> Result<(), RigError> {
+        if quality == Quality::Good && missed_slots == 0 {
             self.lost_in_a_row = 0;
             return Ok(());
         }
-        self.lost_in_a_row += 1;
+        self.lost_in_a_row += missed_slots + u32::from(quality != Quality::Good);
         if self.lost_in_a_row < self.driver.profile.interlock.lost_max {
             return Ok(());
         }
@@ -243,28 +244,32 @@ impl Rig for WireRig {
 
     fn step(&mut self, command_a: f64, until_s: f64) -> Result<Sample, RigError> {
         self.options.control.beat();
-        if let Some(signal) = self.options.control.stop_requested() {
-            return Err(RigError::Stopped { signal });
-        }
         self.check_slew(command_a)?;
-        // The first slot is one period from now, wherever the run's clock begins.
-        let origin_s = *self.origin_s.get_or_insert(self.clock.now_s() + self.period_s - until_s);
-        let deadline_s = origin_s + until_s;
-        self.clock.sleep_until(deadline_s);
-        let lateness_s = (self.clock.now_s() - deadline_s).max(0.0);
-        let within_s = self.period_s - lateness_s - GUARD_S;
-        // A slot whose reply cannot come before the next one begins is skipped: its command is never sent later.
-        let sample = if within_s < 0.5 * self.driver.profile.cycle.timeout_s {
-            Sample { time_s: until_s, quality: Quality::Held, round_trip_s: 0.0, missed_slots: 1, ..self.last }
-        } else {
-            self.safe = false;
-            let sample = self.exchange(command_a, until_s, within_s)?;
-            self.last_command_a = command_a;
-            sample
+        // The first slot begins one period from now, wherever the run's clock begins.
+        let origin_s = *self.origin_s.get_or_insert(self.clock.now_s() + 2.0 * self.period_s - until_s);
+        let mut time_s = until_s - self.period_s;
+        let mut missed_slots = 0;
+        let (lateness_s, within_s) = loop {
+            let begin_s = origin_s + time_s;
+            self.clock.sleep_until(begin_s);
+            let lateness_s = (self.clock.now_s() - begin_s).max(0.0);
+            let within_s = self.period_s - lateness_s - GUARD_S;
+            if within_s >= 0.5 * self.driver.profile.cycle.timeout_s {
+                break (lateness_s, within_s);
+            }
+            // A slot whose reply cannot come before the next one begins is skipped, never made up for.
+            missed_slots += 1;
+            time_s += self.period_s;
         };
-        let sample = Sample { lateness_s, ..sample };
+        if missed_slots > 0 {
+            self.count_loss(Quality::Good, missed_slots)?;
+        }
+        self.safe = false;
+        let sample = self.exchange(command_a, time_s, within_s)?;
+        self.last_command_a = command_a;
+        let sample = Sample { lateness_s, missed_slots, ..sample };
         self.last = sample;
-        self.count_loss(sample.quality)?;
+        self.count_loss(sample.quality, 0)?;
         if sample.quality == Quality::Good {
             self.interlocks(&sample)?;
         }
