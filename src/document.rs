@@ -32,10 +32,28 @@ pub fn read(path: &std::path::Path) -> Result<String, DocumentError> {
 
 /// Reads `text` as a `T`. Unknown keys, wrong types and wrong units are errors that underline the token.
 pub fn parse<T: DeserializeOwned>(text: &str, source_name: &str) -> Result<T, DocumentError> {
-    toml::from_str(text).map_err(|error| {
-        let span = error.span().unwrap_or(0..0);
-        underline(text, source_name, span, error.message())
-    })
+    toml::from_str(text).map_err(|error| explain(text, source_name, &error))
+}
+
+/// What the parser says, with the place underlined and, for a mistyped name, what was probably meant.
+pub fn explain(text: &str, source_name: &str, error: &toml::de::Error) -> DocumentError {
+    let span = error.span().unwrap_or(0..0);
+    let mut message = error.message().to_string();
+    // serde names what it found and what it knows: "unknown field `x`, expected one of `a`, `b`".
+    let mut names = message.split('`').skip(1).step_by(2);
+    if message.starts_with("unknown ")
+        && let Some(typed) = names.next()
+        && let Some(meant) = nearest(typed, names)
+    {
+        message = format!("{message}\ndid you mean `{meant}`?");
+    }
+    if message == "invalid type: unit variant, expected newtype variant" {
+        message = "a name with a table is wanted here\nwrite for instance `metric.rmse = {}`".into();
+    }
+    if message.ends_with("expected a string") && (message.contains("floating point") || message.contains("integer")) {
+        message.push_str("\na number carries its unit, as text: \"0.5 bar\"");
+    }
+    underline(text, source_name, span, &message)
 }
 
 /// The message with the place in the text underlined, in plain text without colours.

@@ -12,6 +12,9 @@ pub use feed_forward::{FeedForward, FeedForwardModel};
 pub use linear::{LinearLoop, linear_loop};
 pub use pi::Pi;
 
+#[cfg(test)]
+pub(crate) use controller::tests::valve as test_valve;
+
 /// Gains of the PI controller, Eq. (12).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Gains {

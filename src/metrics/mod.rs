@@ -193,6 +193,20 @@ impl MetricSpec {
         }
     }
 
+    /// Whether the parameters make sense; the message says what is allowed.
+    pub fn check(&self) -> Result<(), String> {
+        let positive = |name: &str, value: f64, text: String| match value > 0.0 {
+            true => Ok(()),
+            false => Err(format!("`{name}` is {text}; it must be positive")),
+        };
+        match self {
+            Self::RmseBand(m) if m.from >= m.to => Err(format!("`from` ({}) must lie below `to` ({})", m.from, m.to)),
+            Self::SteadyOffset(m) => positive("window", m.window.value(), m.window.to_string()),
+            Self::SettlingTime(m) => positive("band", m.band.value(), m.band.to_string()),
+            _ => Ok(()),
+        }
+    }
+
     /// Whether the metric needs the model's pressure.
     pub fn needs_model(&self) -> bool {
         matches!(self, Self::ModelRmse(_) | Self::ModelRmseAverage(_))

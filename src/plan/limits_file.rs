@@ -1,0 +1,102 @@
+//! Limits in a file of their own, per part number and revision (`schema = "hil.limits/1"`).
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::check::limit;
+use super::error::Wrong;
+use super::file::LimitFile;
+use super::{Plan, PlanError};
+use crate::document;
+
+/// The schema key of a limits file.
+pub const LIMITS_SCHEMA: &str = "hil.limits/1";
+
+/// A limits file.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LimitsFile {
+    /// `hil.limits/1`.
+    #[schemars(with = "String")]
+    pub schema: Spanned<String>,
+    /// Part number that the limits are of.
+    pub part_number: Option<String>,
+    /// Revision of the part.
+    pub revision: Option<String>,
+    /// Where the limits come from.
+    #[serde(default)]
+    pub source: String,
+    /// The limits.
+    #[schemars(with = "Vec<LimitEntry>")]
+    pub limit: Vec<Spanned<LimitEntry>>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    source_text: (String, String),
+}
+
+/// One limit of one figure in one phase.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LimitEntry {
+    /// Name of the phase.
+    #[schemars(with = "String")]
+    pub phase: Spanned<String>,
+    /// Id of the metric.
+    #[schemars(with = "String")]
+    pub metric: Spanned<String>,
+    /// The limit, which replaces the plan's.
+    #[schemars(with = "LimitFile")]
+    pub limit: Spanned<LimitFile>,
+}
+
+impl LimitsFile {
+    /// Reads a limits file.
+    pub fn load(path: &Path) -> Result<Self, PlanError> {
+        let text = document::read(path)?;
+        Self::from_toml(&text, &path.display().to_string())
+    }
+
+    /// Reads the text of a limits file.
+    pub fn from_toml(text: &str, source_name: &str) -> Result<Self, PlanError> {
+        let mut file: Self = document::parse(text, source_name)?;
+        if file.schema.get_ref() != LIMITS_SCHEMA {
+            let message = format!("`{}` is not the schema of a limits file; it has `{LIMITS_SCHEMA}`", file.schema.get_ref());
+            return Err(Wrong::new(file.schema.span(), message).shown(text, source_name));
+        }
+        if file.limit.is_empty() {
+            return Err(Wrong::new(0..0, "the file has no [[limit]]").shown(text, source_name));
+        }
+        file.source_text = (text.into(), source_name.into());
+        Ok(file)
+    }
+}
+
+impl Plan {
+    /// Replaces the plan's limits by those of the file; every entry must find its phase and figure.
+    pub fn apply_limits(&mut self, file: &LimitsFile) -> Result<(), PlanError> {
+        for entry in &file.limit {
+            self.apply(entry.get_ref()).map_err(|w| w.shown(&file.source_text.0, &file.source_text.1))?;
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, entry: &LimitEntry) -> Result<(), Wrong> {
+        let names: Vec<String> = self.phases.iter().map(|p| p.name.clone()).collect();
+        let Some(phase) = self.phases.iter_mut().find(|p| p.name == *entry.phase.get_ref()) else {
+            let message = format!("the plan `{}` has no phase `{}` (phases: {})", self.name, entry.phase.get_ref(), names.join(", "));
+            return Err(Wrong::new(entry.phase.span(), message));
+        };
+        let ids: Vec<&str> = phase.measures.iter().map(|m| m.metric.metric().id()).collect();
+        let Some(index) = ids.iter().position(|id| id == entry.metric.get_ref()) else {
+            let message =
+                format!("the phase `{}` does not measure `{}` (it measures: {})", phase.name, entry.metric.get_ref(), ids.join(", "));
+            return Err(Wrong::new(entry.metric.span(), message));
+        };
+        let unit = phase.measures[index].metric.metric().unit();
+        phase.measures[index].limit = Some(limit(&entry.limit, unit)?);
+        Ok(())
+    }
+}
