@@ -100,10 +100,9 @@ impl Waveform {
     /// The level at `t` seconds after the start, in bar or A; beyond the end the last one. At a jump the new level.
     pub fn at(&self, t: f64) -> f64 {
         // A sampling instant that falls on a boundary up to rounding belongs to the later piece.
-        let t = t + 1e-9;
-        let index = self.ends_s.partition_point(|end| *end <= t).min(self.pieces.len() - 1);
+        let index = self.ends_s.partition_point(|end| *end <= t + 1e-9).min(self.pieces.len() - 1);
         let start = if index == 0 { 0.0 } else { self.ends_s[index - 1] };
-        self.pieces[index].at((t - start).min(self.pieces[index].duration_s()))
+        self.pieces[index].at((t - start).clamp(0.0, self.pieces[index].duration_s()))
     }
 
     /// Smallest and largest level.
