@@ -88,12 +88,17 @@ impl Controller {
         }
     }
 
-    /// Begins to control at the current that flows and the pressure that was measured.
-    pub fn engage(&mut self, current_a: f64, pressure_bar: f64) {
+    /// Closes the loop at the current that flows.
+    pub fn engage(&mut self, current_a: f64) {
         self.last_a = current_a;
-        self.feed_forward.restart(current_a, pressure_bar);
         self.pi.reset();
         self.targets.clear();
+    }
+
+    /// Follows a current that somebody else commands, in open loop, so that the model's memory stays true.
+    pub fn follow(&mut self, current_a: f64) {
+        self.last_a = current_a;
+        self.feed_forward.follow(current_a);
     }
 
     /// Changes the settings without a jump of the feedback. A changed feed-forward model starts at `valve`'s average.

@@ -21,7 +21,6 @@ pub struct FeedForward {
     curves: ReferenceCurves,
     /// `None` for the average model, which has no memory.
     inverse: Option<InverseState>,
-    a_bar2: f64,
     limits_a: (f64, f64),
 }
 
@@ -36,13 +35,13 @@ impl FeedForward {
             FeedForwardModel::Hyperbolic => a_bar2.map(|a| InverseState::start(a, current_a, valve.curves.average_at(current_a))),
             FeedForwardModel::Average => None,
         };
-        Self { curves: valve.curves.clone(), inverse, a_bar2: a_bar2.unwrap_or(0.0), limits_a: valve.current_limits_a }
+        Self { curves: valve.curves.clone(), inverse , limits_a: valve.current_limits_a }
     }
 
-    /// Puts the memory to a known point: the current that flows and the pressure that it gave.
-    pub fn restart(&mut self, current_a: f64, pressure_bar: f64) {
+    /// Moves the memory along with a current that somebody else commands.
+    pub fn follow(&mut self, current_a: f64) {
         if let Some(inverse) = &mut self.inverse {
-            *inverse = InverseState::start(self.a_bar2, current_a, pressure_bar);
+            inverse.follow(&self.curves, current_a);
         }
     }
 

@@ -1,0 +1,103 @@
+//! From the samples of a run to its measurements.
+
+use std::ops::Range;
+
+use crate::limits::{Bound, Limit, Verdict};
+use crate::metrics::{Segment, Signals};
+use crate::physics::simulate;
+use crate::plan::{Measure, Plan};
+use crate::record::{LimitRecord, Measurement, Outcome, Trace};
+use crate::rig::Quality;
+use crate::valve::{Hysteresis, Valve};
+
+/// The columns that metrics look at, beside those of the trace.
+pub struct Columns {
+    usable_bar: Vec<f64>,
+    model_bar: Vec<f64>,
+    average_model_bar: Vec<f64>,
+}
+
+impl Columns {
+    /// Masks unusable pressures, and simulates the model where a metric of the plan needs it.
+    pub fn new(plan: &Plan, model: &Valve, trace: &Trace) -> Self {
+        let pairs = trace.pressure_bar.iter().zip(&trace.quality);
+        let usable_bar = pairs.map(|(p, q)| if *q == Quality::Good { *p } else { f64::NAN }).collect();
+        let needed = plan.phases.iter().flat_map(|p| &p.measures).any(|m| m.metric.needs_model());
+        let of = |valve: &Valve| if needed { simulate(valve, &trace.time_s, &trace.current_a).unwrap_or_default() } else { Vec::new() };
+        let average = Valve { hysteresis: Hysteresis::None, ..model.clone() };
+        Self { usable_bar, model_bar: of(model), average_model_bar: of(&average) }
+    }
+
+    /// The segment of a phase.
+    pub fn segment<'a>(&'a self, trace: &'a Trace, range: Range<usize>, repetitions: Vec<Range<usize>>, delay_s: f64) -> Segment<'a> {
+        Segment {
+            signals: Signals {
+                time_s: &trace.time_s,
+                target_bar: &trace.target_bar,
+                current_a: &trace.current_a,
+                feed_forward_a: &trace.feed_forward_a,
+                feedback_a: &trace.feedback_a,
+                pressure_bar: &self.usable_bar,
+                model_bar: &self.model_bar,
+                average_model_bar: &self.average_model_bar,
+            },
+            range,
+            repetitions,
+            delay_s,
+        }
+    }
+}
+
+/// One figure of a phase that ran to its end.
+pub fn measured(measure: &Measure, segment: &Segment<'_>) -> Measurement {
+    let metric = measure.metric.metric();
+    let (value, reason) = match metric.compute(segment) {
+        // The record holds, and the limit judges, the digits that are shown.
+        Ok(value) => (Some(rounded(value, metric.unit().decimals)), None),
+        Err(why) => (None, Some(why.to_string())),
+    };
+    let outcome = match &measure.limit {
+        None => Outcome::NotRun,
+        Some(limit) => match limit.judge(value) {
+            Verdict::Pass => Outcome::Pass,
+            Verdict::Marginal => Outcome::Marginal,
+            Verdict::Fail => Outcome::Fail,
+        },
+    };
+    Measurement { value, outcome, reason, ..blank(measure, metric.definition(segment)) }
+}
+
+/// One figure of a phase that did not run, or not to its end.
+pub fn not_measured(measure: &Measure, reason: &str) -> Measurement {
+    Measurement { reason: Some(reason.into()), ..blank(measure, measure.metric.metric().id().into()) }
+}
+
+fn blank(measure: &Measure, definition: String) -> Measurement {
+    let metric = measure.metric.metric();
+    Measurement {
+        metric: metric.id().into(),
+        value: None,
+        unit: metric.unit().symbol.into(),
+        limit: measure.limit.as_ref().map(limit_record),
+        outcome: Outcome::NotRun,
+        definition,
+        reason: None,
+    }
+}
+
+fn limit_record(limit: &Limit) -> LimitRecord {
+    LimitRecord {
+        min: limit.min,
+        max: limit.max,
+        marginal_min: limit.marginal_min,
+        marginal_max: limit.marginal_max,
+        bound: match limit.bound {
+            Bound::Inclusive => "inclusive".into(),
+            Bound::Exclusive => "exclusive".into(),
+        },
+    }
+}
+
+fn rounded(value: f64, decimals: usize) -> f64 {
+    format!("{value:.decimals$}").parse().map_or(value, |v: f64| if v == 0.0 { 0.0 } else { v })
+}
