@@ -9,6 +9,9 @@ mod completions;
 mod diff;
 mod explain;
 mod identify;
+mod progress;
+mod run;
+mod run_folder;
 mod schema;
 
 use std::io::Write;
@@ -84,6 +87,11 @@ enum Command {
         after_help = "Examples:\n  hil challenge\n  hil challenge --seed 7 --count 20\n  hil challenge --seed 7 --count 64 --format markdown > table.md\n  hil challenge --seed 7 --out kept/\n\nThe digest of the sealed truth is printed before anything is diagnosed."
     )]
     Challenge(challenge::ChallengeArgs),
+    /// Run a test plan and report its verdict.
+    #[command(
+        after_help = "Examples:\n  hil run plans/tipin.toml --sim\n  hil run plans/tipin.toml --sim --valve clutch-1 --set high=\"26 bar\" --format markdown\n\nExit codes: 0 PASS or MARGINAL, 1 FAIL, 3 wrong input, 4 rig error, 5 aborted, 6 INVALID, 7 not stored"
+    )]
+    Run(run::RunArgs),
     /// Identify a valve model from a recording.
     #[command(
         after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
@@ -119,6 +127,7 @@ pub fn main() -> u8 {
     };
     let result: CliResult = match cli.command {
         Command::Challenge(args) => challenge::run(&args),
+        Command::Run(args) => run::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Accept(args) => accept::run(&args),
@@ -139,4 +148,9 @@ pub fn print(text: &str) -> Result<(), CliError> {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(CliError::not_stored(format!("stdout: {error}"))),
         _ => Ok(()),
     }
+}
+
+/// Writes a line to stderr.
+pub fn note(text: &str) {
+    let _ = writeln!(anstream::stderr(), "{text}");
 }

@@ -35,7 +35,7 @@ impl FeedForward {
             FeedForwardModel::Hyperbolic => a_bar2.map(|a| InverseState::start(a, current_a, valve.curves.average_at(current_a))),
             FeedForwardModel::Average => None,
         };
-        Self { curves: valve.curves.clone(), inverse , limits_a: valve.current_limits_a }
+        Self { curves: valve.curves.clone(), inverse, limits_a: valve.current_limits_a }
     }
 
     /// Moves the memory along with a current that somebody else commands.

@@ -6,8 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::passes::{GRID, Passes, mean, passes};
-use super::{Metric, NotMeasurable, Segment};
-use crate::units::{self, Time, Unit};
+use super::{Metric, NotMeasurable, Segment, milliseconds};
+use crate::units::{self, Unit};
 
 /// Output-referred width of the loop: the largest difference in pressure between the mean falling and the mean rising
 /// pass at the same current.
@@ -47,7 +47,7 @@ fn both_ways(segment: &Segment<'_>) -> Result<Passes, NotMeasurable> {
 
 /// Definition with the delay and the rate of the sweep that it saw.
 fn definition(id: &str, segment: &Segment<'_>) -> String {
-    let delay = Time::new(segment.delay_s);
+    let delay = milliseconds(segment.delay_s);
     match passes(segment) {
         Ok(found) => format!("{id}(delay={delay}, rate={:.4} A/s)", found.rate_a_per_s),
         Err(_) => format!("{id}(delay={delay})"),

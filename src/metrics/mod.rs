@@ -272,6 +272,11 @@ fn enough(usable: usize, samples: usize) -> Result<(), NotMeasurable> {
     if usable >= needed { Ok(()) } else { Err(NotMeasurable::TooFewSamples { usable, samples, needed }) }
 }
 
+/// A time as a definition prints it.
+fn milliseconds(time_s: f64) -> String {
+    format!("{} ms", (time_s * 1e6).round() / 1e3)
+}
+
 /// Root mean square; the iterator must not be empty.
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0u64), |(s, n), v| (s + v * v, n + 1));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment, rms};
+use super::{Metric, NotMeasurable, Segment, milliseconds, rms};
 use crate::units::{self, Pressure, Time, Unit};
 
 /// Root mean square of the tracking error P(t) - P_d(t - T_d) over the samples of the phase.
@@ -54,7 +54,7 @@ impl Metric for Rmse {
         &units::PRESSURE
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
-        format!("rmse.delayed.v1(delay={})", Time::new(delay_s(self.delay, segment)))
+        format!("rmse.delayed.v1(delay={})", milliseconds(delay_s(self.delay, segment)))
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let errors = segment.errors(delay_s(self.delay, segment))?;
@@ -70,7 +70,7 @@ impl Metric for RmseBand {
         &units::PRESSURE
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
-        format!("rmse_band.delayed.v1(from={}, to={}, delay={})", self.from, self.to, Time::new(delay_s(self.delay, segment)))
+        format!("rmse_band.delayed.v1(from={}, to={}, delay={})", self.from, self.to, milliseconds(delay_s(self.delay, segment)))
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let (low_bar, high_bar) = (self.from.value(), self.to.value());
@@ -91,7 +91,7 @@ impl Metric for MaxError {
         &units::PRESSURE
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
-        format!("max_error.delayed.v1(delay={})", Time::new(delay_s(self.delay, segment)))
+        format!("max_error.delayed.v1(delay={})", milliseconds(delay_s(self.delay, segment)))
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let errors = segment.errors(delay_s(self.delay, segment))?;
@@ -111,7 +111,7 @@ mod tests {
         segment.range = 100..400;
         assert!(Rmse::default().compute(&segment).unwrap() < 1e-12);
         assert!(Rmse { delay: Some(Time::new(0.0)) }.compute(&segment).unwrap() > 0.03);
-        assert_eq!(Rmse::default().definition(&segment), "rmse.delayed.v1(delay=0.02 s)");
+        assert_eq!(Rmse::default().definition(&segment), "rmse.delayed.v1(delay=20 ms)");
     }
 
     #[test]

@@ -115,6 +115,7 @@ fn checked(file: PlanFile, source: Source, overridden: Vec<String>) -> Result<Pl
         parameters: file.parameters.iter().map(|(name, value)| (name.clone(), value.to_string())).collect(),
         overridden,
         model: file.model,
+        valve: file.valve,
         controller,
         phases,
         interlocks: Interlocks {

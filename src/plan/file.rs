@@ -36,6 +36,8 @@ pub struct PlanFile {
     /// Valve model that the controller believes in: a path or the bare name of a file in `valves/`; the valve that
     /// runs by default.
     pub model: Option<String>,
+    /// Valve that `--sim` simulates where the command names none; the paper's by default.
+    pub valve: Option<String>,
     /// The controller.
     #[serde(default)]
     pub controller: ControllerFile,

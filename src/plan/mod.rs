@@ -49,6 +49,8 @@ pub struct Plan {
     pub overridden: Vec<String>,
     /// The valve model that the controller believes in: path or bare name; `None` for the valve that runs.
     pub model: Option<String>,
+    /// The valve that a simulation runs where the command names none; path or bare name.
+    pub valve: Option<String>,
     /// Controller of the phases that say nothing else.
     pub controller: ControllerSettings,
     /// Every phase in the order in which it runs: setup, main, teardown.

@@ -9,6 +9,8 @@ pub mod loop_thread;
 pub mod modbus;
 pub mod profile;
 pub mod realtime;
+pub mod replay;
+pub mod simulated;
 pub mod wire;
 
 pub use wire::{Endpoint, Options, open};
@@ -27,6 +29,19 @@ pub enum Quality {
     Exception,
     /// A reply came with a value outside what the sensor or the device can deliver.
     Implausible,
+}
+
+impl Quality {
+    /// As traces name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Held => "held",
+            Self::Stale => "stale",
+            Self::Exception => "exception",
+            Self::Implausible => "implausible",
+        }
+    }
 }
 
 /// What is known of a rig before the first step; goes into the record.

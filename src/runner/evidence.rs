@@ -44,7 +44,11 @@ pub fn broken(timing: &Timing, limits: &TimingLimits) -> Vec<String> {
     let slots = samples + timing.missed_slots as f64;
     let mut share = |what: &str, count: u64, of: f64, most: f64| {
         if count as f64 > most * of {
-            reasons.push(format!("{what}: {count} of {of:.0} ({:.3} %), at most {:.3} % are allowed", 100.0 * count as f64 / of, 100.0 * most));
+            reasons.push(format!(
+                "{what}: {count} of {of:.0} ({:.3} %), at most {:.3} % are allowed",
+                100.0 * count as f64 / of,
+                100.0 * most
+            ));
         }
     };
     share("lost samples", timing.lost_samples, samples, limits.max_lost);
@@ -114,7 +118,8 @@ mod tests {
         assert_eq!((timing.lost_samples, timing.stale_samples, timing.samples), (1, 1, 100));
         assert_eq!((timing.lateness_p50_s, timing.lateness_p99_s, timing.lateness_max_s), (Some(49e-5), Some(98e-5), Some(99e-5)));
         assert_eq!(timing.lateness_histogram.iter().map(|b| b.1).sum::<u64>(), 100);
-        let limits = TimingLimits { max_lost: 0.005, max_stale: 0.02, max_missed: 0.02, max_lateness_p99_s: Some(5e-4), max_lateness_s: None };
+        let limits =
+            TimingLimits { max_lost: 0.005, max_stale: 0.02, max_missed: 0.02, max_lateness_p99_s: Some(5e-4), max_lateness_s: None };
         insta::assert_snapshot!(broken(&timing, &limits).join("\n"), @"
         lost samples: 1 of 100 (1.000 %), at most 0.500 % are allowed
         lateness, 99th percentile: 0.980 ms, at most 0.500 ms are allowed

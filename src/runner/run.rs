@@ -170,6 +170,8 @@ struct Bench<'a> {
     samples: usize,
     last: Option<Sample>,
     last_current_a: f64,
+    /// Whether the loop was closed in the last slot.
+    closed: bool,
     last_good: Option<(f64, f64)>,
     missed_slots: u64,
     simulated: bool,
@@ -205,6 +207,7 @@ impl<'a> Bench<'a> {
             samples,
             last: None,
             last_current_a: rest_a,
+            closed: false,
             last_good: None,
             missed_slots: 0,
             simulated,
@@ -219,9 +222,10 @@ impl<'a> Bench<'a> {
     fn phase(&mut self, index: usize, phase: &Phase, observer: &mut dyn Observer) -> (Ran, Option<Ended>) {
         let start = self.trace.time_s.len();
         self.controller.change(phase.controller, self.options.model);
-        if phase.closed_loop() {
+        if phase.closed_loop() && !self.closed {
             self.controller.engage(self.last_current_a);
         }
+        self.closed = phase.closed_loop();
         let mut repetitions = Vec::with_capacity(phase.repeat as usize);
         let mut end = None;
         'phase: for _ in 0..phase.repeat {
@@ -314,8 +318,10 @@ impl<'a> Bench<'a> {
         if self.simulated || self.invalid.is_some() {
             return;
         }
-        let windows =
-            [("oil temperature", sample.oil_temp_c, wanted.oil_temp_c, "degC"), ("supply pressure", sample.supply_bar, wanted.supply_bar, "bar")];
+        let windows = [
+            ("oil temperature", sample.oil_temp_c, wanted.oil_temp_c, "degC"),
+            ("supply pressure", sample.supply_bar, wanted.supply_bar, "bar"),
+        ];
         for (what, value, window, unit) in windows {
             let Some((low, high)) = window else { continue };
             self.invalid = match value {

@@ -1,0 +1,170 @@
+//! `hil run`: a plan on a rig, a record in a folder, the verdict on stdout.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use sha2::{Digest, Sha256};
+
+use super::progress::Bar;
+use super::{CliError, CliResult, exit, run_folder};
+use crate::plan::{LimitsFile, Override, Plan};
+use crate::record::{Dut, Outcome, Provenance, TestRecord, Trace};
+use crate::report;
+use crate::rig::RigIdentity;
+use crate::rig::simulated::SimulatedRig;
+use crate::runner::{self, RunOptions};
+use crate::valve::Valve;
+
+/// Arguments of `hil run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Plan file.
+    pub plan: PathBuf,
+    /// Run on a simulated valve.
+    #[arg(long, required = true)]
+    pub sim: bool,
+    /// Valve file, or the bare name of one in valves/: the valve that is simulated.
+    #[arg(long)]
+    pub valve: Option<String>,
+    /// Serial number of the valve under test.
+    #[arg(long)]
+    pub serial: Option<String>,
+    /// Change a parameter of the plan.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub set: Vec<Override>,
+    /// Limits file of the part, replacing the plan's limits.
+    #[arg(long, value_name = "FILE")]
+    pub limits: Option<PathBuf>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Folder for record, reports and trace; a new one under reports/runs/ by default.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// What is printed on stdout.
+    #[arg(long, value_enum, default_value_t)]
+    pub format: Format,
+}
+
+/// What is printed on stdout.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// A report for a terminal.
+    #[default]
+    Text,
+    /// The record.
+    Json,
+    /// A report for a pull request.
+    Markdown,
+    /// JUnit XML.
+    Junit,
+    /// A page with plots.
+    Html,
+}
+
+/// `KEY=VALUE` as typed.
+pub fn key_value(text: &str) -> Result<Override, String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().into(), value.trim().into())),
+        _ => Err("KEY=VALUE is wanted, for instance peak=\"20 bar\"".into()),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &RunArgs) -> CliResult {
+    let mut plan = Plan::load(&args.plan, &args.set).map_err(CliError::input)?;
+    if let Some(path) = &args.limits {
+        LimitsFile::load(path).and_then(|limits| plan.apply_limits(&limits)).map_err(CliError::input)?;
+    }
+    let (valve, valve_path) = load_valve(args.valve.as_deref().or(plan.valve.as_deref()).unwrap_or("paper"))?;
+    let model = believed(&plan, &valve)?;
+    plan.check_valve(&model).and_then(|()| plan.check_valve(&valve)).map_err(CliError::input)?;
+    let identity = RigIdentity {
+        name: valve_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+        sha256: sha256(&valve_path)?,
+        ..RigIdentity::default()
+    };
+    let mut rig = SimulatedRig::new(&valve, plan.period_s, Some(args.seed), identity).map_err(CliError::input)?;
+    let dut = Dut { serial: args.serial.clone().unwrap_or_else(|| valve.name.clone()), ..Dut::default() };
+    let folder = match &args.out {
+        Some(folder) => {
+            run_folder::make_folder(folder)?;
+            folder.clone()
+        }
+        None => run_folder::new_folder(&plan.name, &dut.serial)?,
+    };
+    let stop = stop_on_signals()?;
+    let started = jiff::Timestamp::now();
+    let options = RunOptions { model: &model, dut: &dut, seed: args.seed, stop: Some(&stop), prepared: None };
+    let mut bar = Bar::new();
+    let (mut record, trace) = runner::run(&plan, &mut rig, &options, &mut bar);
+    bar.finish();
+    record.provenance = Some(Provenance { version: env!("CARGO_PKG_VERSION").into(), started: started.to_string(), station: None });
+    // The verdict is said after the record is stored.
+    run_folder::write(&folder, &record, &trace)?;
+    super::print(&formatted(args.format, &record, &trace))?;
+    if args.format == Format::Text {
+        super::note(&format!("stored in {}", folder.display()));
+    }
+    Ok(exit_code(record.outcome))
+}
+
+/// The valve file behind a path or a bare name, with its warnings on stderr.
+pub fn load_valve(name: &str) -> Result<(Valve, PathBuf), CliError> {
+    let path = Valve::find(name).map_err(CliError::input)?;
+    let valve = Valve::load(&path).map_err(CliError::input)?;
+    for warning in valve.warnings() {
+        super::note(&format!("warning: {warning}"));
+    }
+    Ok((valve, path))
+}
+
+/// The model that the controller believes in: the plan's, or the valve itself without its further effects.
+pub fn believed(plan: &Plan, valve: &Valve) -> Result<Valve, CliError> {
+    match &plan.model {
+        None => Ok(Valve { effects: Vec::new(), ..valve.clone() }),
+        Some(name) => {
+            let beside = plan.folder().join(name);
+            let path = if beside.is_file() { beside } else { Valve::find(name).map_err(CliError::input)? };
+            Valve::load(&path).map_err(CliError::input)
+        }
+    }
+}
+
+/// The exit code of an outcome.
+pub fn exit_code(outcome: Outcome) -> u8 {
+    match outcome {
+        Outcome::Pass | Outcome::Marginal | Outcome::NotRun => exit::DONE,
+        Outcome::Fail => exit::NEGATIVE,
+        Outcome::Invalid => exit::INVALID,
+        Outcome::Error => exit::RIG,
+        Outcome::Aborted => exit::ABORTED,
+    }
+}
+
+fn formatted(format: Format, record: &TestRecord, trace: &Trace) -> String {
+    match format {
+        Format::Text => report::text(record),
+        Format::Json => report::json(record),
+        Format::Markdown => report::markdown(record),
+        Format::Junit => report::junit(record),
+        Format::Html => report::html(record, trace),
+    }
+}
+
+fn sha256(path: &Path) -> Result<String, CliError> {
+    let bytes = std::fs::read(path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
+    Ok(Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect())
+}
+
+/// A flag that the first SIGINT, SIGTERM or SIGHUP sets.
+pub fn stop_on_signals() -> Result<Arc<AtomicBool>, CliError> {
+    let stop = Arc::new(AtomicBool::new(false));
+    #[cfg(unix)]
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(|e| CliError::rig(format!("signal handler: {e}")))?;
+    }
+    Ok(stop)
+}

@@ -1,0 +1,72 @@
+//! The folder that a run leaves: trace, page, JUnit, and last the record, so that a record means a whole folder.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::CliError;
+use crate::record::{TestRecord, Trace};
+use crate::recording::{Column, RecordingError, Values, replace_file, write_parquet};
+use crate::report;
+
+/// The folder of a run that named none: the first `reports/runs/<plan>-<serial>-<n>` that does not exist.
+pub fn new_folder(plan: &str, serial: &str) -> Result<PathBuf, CliError> {
+    let serial: String = serial.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
+    let runs = Path::new("reports/runs");
+    std::fs::create_dir_all(runs).map_err(|e| CliError::not_stored(format!("{}: {e}", runs.display())))?;
+    for n in 1u32.. {
+        let folder = runs.join(format!("{plan}-{serial}-{n}"));
+        match std::fs::create_dir(&folder) {
+            Ok(()) => return Ok(folder),
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(CliError::not_stored(format!("{}: {e}", folder.display()))),
+        }
+    }
+    Err(CliError::not_stored(format!("{}: no free number", runs.display())))
+}
+
+/// Makes the folder that `--out` names, before anything moves.
+pub fn make_folder(folder: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(folder).map_err(|e| CliError::not_stored(format!("{}: {e}", folder.display())))?;
+    // A folder that cannot be written is found now, not after the test.
+    write_text(&folder.join(".write-test"), "")
+        .and_then(|()| {
+            std::fs::remove_file(folder.join(".write-test")).map_err(|source| RecordingError::Io { path: folder.into(), source })
+        })
+        .map_err(CliError::not_stored)
+}
+
+/// Writes the run; each file is whole or not there, the record comes last.
+pub fn write(folder: &Path, record: &TestRecord, trace: &Trace) -> Result<(), CliError> {
+    let all = || -> Result<(), RecordingError> {
+        write_trace(&folder.join("trace.parquet"), record, trace)?;
+        write_text(&folder.join("report.html"), &report::html(record, trace))?;
+        write_text(&folder.join("junit.xml"), &report::junit(record))?;
+        write_text(&folder.join("record.json"), &report::json(record))
+    };
+    all().map_err(CliError::not_stored)
+}
+
+fn write_text(path: &Path, text: &str) -> Result<(), RecordingError> {
+    replace_file(path, |file| file.write_all(text.as_bytes()))
+}
+
+/// The trace with the names of the recording format, so that it is a recording too.
+fn write_trace(path: &Path, record: &TestRecord, trace: &Trace) -> Result<(), RecordingError> {
+    let phases: Vec<&str> = trace.phase.iter().map(|p| record.phases.get(usize::from(*p)).map_or("", |p| p.name.as_str())).collect();
+    let quality: Vec<&str> = trace.quality.iter().map(|q| q.name()).collect();
+    let numbers = |name, values| Column { name, values: Values::Numbers(values) };
+    let table = vec![
+        numbers("time_s", &trace.time_s),
+        Column { name: "phase", values: Values::Texts(&phases) },
+        numbers("target_bar", &trace.target_bar),
+        numbers("current_a", &trace.current_a),
+        numbers("feed_forward_a", &trace.feed_forward_a),
+        numbers("feedback_a", &trace.feedback_a),
+        numbers("pressure_bar", &trace.pressure_bar),
+        numbers("current_meas_a", &trace.current_meas_a),
+        Column { name: "quality", values: Values::Texts(&quality) },
+        numbers("lateness_s", &trace.lateness_s),
+        numbers("round_trip_s", &trace.round_trip_s),
+    ];
+    write_parquet(path, &[table])
+}
