@@ -30,7 +30,7 @@ impl Bar {
 impl Observer for Bar {
     fn sample(&mut self, progress: &Progress<'_>) {
         // Looking at the clock at every simulated sample would cost more than the sample.
-        if progress.sample % 256 != 0 || self.shown.elapsed() < Duration::from_millis(100) {
+        if !progress.sample.is_multiple_of(256) || self.shown.elapsed() < Duration::from_millis(100) {
             return;
         }
         self.shown = Instant::now();
