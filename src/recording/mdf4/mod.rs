@@ -24,8 +24,10 @@ use conversion::Conversion;
 use data::Stream;
 use layout::{Group, Raw, Validity};
 
-/// Records decoded at a time.
-const BATCH: usize = 4096;
+/// Bytes of records decoded at a time.
+const BATCH_BYTES: usize = 1 << 18;
+/// A record longer than this is damaged.
+const RECORD_LIMIT: usize = 16 << 20;
 
 pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
     let handle = File::open(path).map_err(RecordingError::io(path))?;
@@ -186,6 +188,9 @@ impl<F: Read + Seek> Reader<'_, F> {
         if size == 0 {
             return Err(format!("the records of channel group `{}` hold nothing", group.name));
         }
+        if size > RECORD_LIMIT {
+            return Err(format!("the records of channel group `{}` say a length of {size} bytes", group.name));
+        }
         if group.varying {
             return Err(format!("the records of channel group `{}` vary in length", group.name));
         }
@@ -196,9 +201,10 @@ impl<F: Read + Seek> Reader<'_, F> {
         let mut index = 0;
         if group.id_bytes == 0 || group.shared.len() == 1 {
             let step = group.id_bytes + size;
-            let mut buffer = vec![0; step * BATCH];
+            let batch = (BATCH_BYTES / step).max(1);
+            let mut buffer = vec![0; step * batch];
             while index < most {
-                let want = usize::try_from(most - index).unwrap_or(BATCH).min(BATCH) * step;
+                let want = usize::try_from(most - index).unwrap_or(batch).min(batch) * step;
                 let read = stream.read(&mut buffer[..want])?;
                 for record in buffer[..read].chunks_exact(step) {
                     take(taps, &record[group.id_bytes..], index);
@@ -252,6 +258,9 @@ fn unsorted<F: Read + Seek>(stream: &mut Stream<'_, F>, group: &Group, taps: &mu
                 u32::from_le_bytes(length) as usize
             }
         };
+        if size > RECORD_LIMIT {
+            return Err(format!("a record says a length of {size} bytes"));
+        }
         record.resize(size, 0);
         if stream.read(&mut record)? < size {
             break;
