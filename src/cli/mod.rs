@@ -13,6 +13,7 @@ mod progress;
 mod run;
 mod run_folder;
 mod schema;
+mod simulate;
 
 use std::io::Write;
 
@@ -97,6 +98,11 @@ enum Command {
         after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
     )]
     Identify(identify::IdentifyArgs),
+    /// Replay a recorded current through a model, run by run.
+    #[command(
+        after_help = "Examples:\n  hil simulate drive.csv --model valve.toml -o simulated.csv\n  hil simulate log.mf4 --model paper --map current_a=\"I_cmd [mA]\" -o simulated.mf4\n\nThe RMSE against the measured pressure is printed for the model and for the average model."
+    )]
+    Simulate(simulate::SimulateArgs),
     /// Compare two records, or two folders of records: verdicts first, then figures beyond tolerance.
     #[command(
         after_help = "Examples:\n  hil diff reports/tipin reports/runs/tipin\n  hil diff reports reports/runs --format markdown > diff.md\n  hil diff A B --tolerance rmse=\"5 mbar\"\n\nExit code 1 when anything differs beyond tolerance."
@@ -129,6 +135,7 @@ pub fn main() -> u8 {
         Command::Challenge(args) => challenge::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Identify(args) => identify::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Accept(args) => accept::run(&args),
         Command::Explain(args) => explain::run(&args),

@@ -1,0 +1,194 @@
+//! `hil simulate`: a recorded current through a model, run by run.
+
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::{CliError, CliResult, exit};
+use crate::physics;
+use crate::recording::{Format, Mapping, Recording, Run};
+use crate::units::{CURRENT, PRESSURE};
+use crate::valve::{Hysteresis, Valve};
+
+/// What to simulate.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// The recording: .csv, .parquet or .mf4
+    recording: PathBuf,
+    /// The valve model: a file, or the bare name of one in valves/
+    #[arg(long, value_name = "VALVE")]
+    model: String,
+    /// Where the simulated pressure goes: .csv, .parquet or .mf4; without it CSV goes to stdout
+    #[arg(short = 'o', long, value_name = "OUT")]
+    output: Option<PathBuf>,
+    /// Takes a foreign channel, for instance current_a="I_cmd [mA]" or current_a="0.01 * duty_pct"
+    #[arg(long, value_name = "CH=EXPR")]
+    map: Vec<String>,
+    /// How to print the summary; `json` prints it alone, and the pressure only goes to -o
+    #[arg(long, value_enum, default_value = "text")]
+    format: SummaryFormat,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SummaryFormat {
+    Text,
+    Json,
+}
+
+/// Error of a model against the measured pressure, over the samples where both are there.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Error {
+    squares: f64,
+    samples: usize,
+}
+
+impl Error {
+    fn of(simulated: &[f64], measured: &[f64]) -> Self {
+        let both = simulated.iter().zip(measured).map(|(s, m)| s - m).filter(|e| e.is_finite());
+        both.fold(Self::default(), |sum, e| Self { squares: sum.squares + e * e, samples: sum.samples + 1 })
+    }
+    fn and(self, other: Self) -> Self {
+        Self { squares: self.squares + other.squares, samples: self.samples + other.samples }
+    }
+    fn rmse_bar(self) -> Option<f64> {
+        (self.samples > 0).then(|| (self.squares / self.samples as f64).sqrt())
+    }
+}
+
+/// Errors of the model and of its average model over one run.
+struct RunError {
+    name: Option<String>,
+    model: Error,
+    average: Error,
+}
+
+/// Simulates, writes and sums up.
+pub fn run(args: &SimulateArgs) -> CliResult {
+    if let Some(path) = &args.output {
+        Format::of(path).map_err(CliError::usage)?;
+    }
+    let map = args.map.iter().map(|text| Mapping::parse(text)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
+    let valve = Valve::find(&args.model).and_then(|path| Valve::load(&path)).map_err(CliError::input)?;
+    let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
+    let mut messages = anstream::stderr();
+    for note in recording.notes.iter().map(|n| format!("note: {}: {n}", recording.source)) {
+        let _ = writeln!(messages, "{note}");
+    }
+    for warning in valve.warnings() {
+        let _ = writeln!(messages, "warning: {warning}");
+    }
+
+    if let Some(note) = beyond(&valve, &recording) {
+        let _ = writeln!(messages, "note: {}: {note}", recording.source);
+    }
+
+    let average = Valve { hysteresis: Hysteresis::None, ..valve.clone() };
+    let source = recording.source.clone();
+    let (mut errors, mut runs) = (Vec::new(), Vec::new());
+    for run in recording.runs {
+        let refused = |e: physics::PhysicsError| {
+            let of = run.name.as_ref().map_or(String::new(), |n| format!(", run {n}"));
+            CliError::input(format!("{source}{of}: {e}"))
+        };
+        let pressure = physics::simulate(&valve, &run.time_s, &run.current_a).map_err(refused)?;
+        if let Some(measured) = &run.pressure_bar {
+            let of_average = physics::simulate(&average, &run.time_s, &run.current_a).map_err(refused)?;
+            let (model, average) = (Error::of(&pressure, measured), Error::of(&of_average, measured));
+            errors.push(RunError { name: run.name.clone(), model, average });
+        }
+        // A microbar is finer than any sensor, and the same on every machine.
+        let rounded = pressure.into_iter().map(|p| (p * 1e6).round() / 1e6).collect();
+        runs.push(Run { name: run.name, time_s: run.time_s, current_a: run.current_a, pressure_bar: Some(rounded), ..Run::default() });
+    }
+    let simulated = Recording { source: recording.source, runs, notes: Vec::new() };
+
+    if let Some(path) = &args.output {
+        simulated.write(path).map_err(CliError::not_stored)?;
+    } else if args.format == SummaryFormat::Text {
+        let mut out = BufWriter::with_capacity(1 << 18, std::io::stdout().lock());
+        match simulated.write_csv(&mut out).and_then(|()| out.flush()) {
+            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => return Err(CliError::not_stored(format!("stdout: {e}"))),
+            _ => {}
+        }
+    }
+    match args.format {
+        SummaryFormat::Json => super::print(&format!("{:#}\n", summary_json(&simulated, &valve, &errors)))?,
+        SummaryFormat::Text if args.output.is_some() => super::print(&summary(&simulated, &valve, &errors))?,
+        SummaryFormat::Text => drop(messages.write_all(summary(&simulated, &valve, &errors).as_bytes())),
+    }
+    Ok(exit::DONE)
+}
+
+/// Says where the recording leaves the range on which the model's curves hold.
+fn beyond(valve: &Valve, recording: &Recording) -> Option<String> {
+    let (low, high) = valve.curves.range_a;
+    let outside = |i: &f64| *i < low || *i > high;
+    let count: usize = recording.runs.iter().map(|r| r.current_a.iter().filter(|i| outside(i)).count()).sum();
+    let all = recording.runs.iter().flat_map(|r| &r.current_a).filter(|i| i.is_finite());
+    let (least, most) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), i| (a.min(*i), b.max(*i)));
+    (count > 0).then(|| {
+        let [low, high, least, most] = [low, high, least, most].map(|i| CURRENT.print(i));
+        format!(
+            "{count} samples with a current outside of the model's {low} to {high} ({least} to {most}): extrapolated along a straight line"
+        )
+    })
+}
+
+const START: &str = "each run starts on the average curve at its first current";
+
+/// What the model is made of.
+fn described(valve: &Valve) -> String {
+    let hysteresis = match valve.hysteresis {
+        Hysteresis::None => "average",
+        Hysteresis::Hyperbolic { .. } => "hyperbolic",
+    };
+    std::iter::once(hysteresis).chain(valve.effects.iter().map(|e| e.id.as_str())).collect::<Vec<_>>().join(" + ")
+}
+
+fn totals(errors: &[RunError]) -> (Option<f64>, Option<f64>) {
+    let (model, average) = errors.iter().fold((Error::default(), Error::default()), |t, e| (t.0.and(e.model), t.1.and(e.average)));
+    (model.rmse_bar(), average.rmse_bar())
+}
+
+fn summary(simulated: &Recording, valve: &Valve, errors: &[RunError]) -> String {
+    let samples: usize = simulated.runs.iter().map(Run::len).sum();
+    let runs = if simulated.runs.len() == 1 { "1 run".into() } else { format!("{} runs", simulated.runs.len()) };
+    let mut text = format!("{}: {runs}, {samples} samples; {START}\n", valve.name);
+    let (Some(model), Some(average)) = totals(errors) else {
+        return text + "no measured pressure_bar to compare with\n";
+    };
+    text += &format!(
+        "RMSE against pressure_bar: {} ({} model), {} (average model)\n",
+        PRESSURE.print(model),
+        described(valve),
+        PRESSURE.print(average)
+    );
+    if errors.len() > 1 {
+        for error in errors {
+            let (Some(model), Some(average)) = (error.model.rmse_bar(), error.average.rmse_bar()) else { continue };
+            let name = error.name.as_deref().unwrap_or("-");
+            text += &format!("  {name}: {}, {}\n", PRESSURE.print(model), PRESSURE.print(average));
+        }
+    }
+    text
+}
+
+fn summary_json(simulated: &Recording, valve: &Valve, errors: &[RunError]) -> serde_json::Value {
+    let (model, average) = totals(errors);
+    let round = |v: Option<f64>| v.map(|v| (v * 1e6).round() / 1e6);
+    let runs: Vec<_> = errors
+        .iter()
+        .map(|e| json!({ "run": e.name, "rmse_bar": round(e.model.rmse_bar()), "rmse_average_model_bar": round(e.average.rmse_bar()) }))
+        .collect();
+    json!({
+        "schema": "hil.simulation/1",
+        "model": { "name": valve.name, "kind": described(valve) },
+        "start": START,
+        "samples": simulated.runs.iter().map(Run::len).sum::<usize>(),
+        "rmse_bar": round(model),
+        "rmse_average_model_bar": round(average),
+        "runs": runs,
+    })
+}
