@@ -113,11 +113,11 @@ impl Plant {
                 self.volumes.push(Volume::Swing { natural_rad_s, zeta, quadratic, p_bar, speed: 0.0 });
             }
             "flow_limit" if first => {
-                let up_bar_s = u(20.0, 30.0) / s;
+                let up_bar_s = u(24.0, 36.0) / s;
                 self.volumes.push(Volume::FlowLimit { up_bar_s, down_bar_s: up_bar_s * u(1.2, 1.7), p_bar });
             }
             "flow_limit" => {
-                self.volumes.push(Volume::FlowOrifice { up: u(4.5, 6.5) / s, down: u(6.5, 9.5) / s, supply_bar: u(38.0, 45.0), p_bar })
+                self.volumes.push(Volume::FlowOrifice { up: u(5.5, 8.0) / s, down: u(8.0, 11.5) / s, supply_bar: u(38.0, 45.0), p_bar })
             }
             "reversal_dead_band" if first => self.frictions.push(Friction::clearance(s * u(0.009, 0.012), start_a)),
             "reversal_dead_band" => self.frictions.push(Friction::soft_clearance(s * u(0.009, 0.012), start_a)),
