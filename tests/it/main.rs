@@ -2,4 +2,5 @@
 
 mod blind;
 mod peers;
+mod simulate;
 mod wire;
