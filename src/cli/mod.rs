@@ -5,15 +5,18 @@
 
 mod accept;
 mod challenge;
+mod check;
 mod completions;
 mod diff;
 mod explain;
 mod identify;
+mod margins;
 mod progress;
 mod run;
 mod run_folder;
 mod schema;
 mod simulate;
+mod tune;
 
 use std::io::Write;
 
@@ -93,6 +96,19 @@ enum Command {
         after_help = "Examples:\n  hil run plans/tipin.toml --sim\n  hil run plans/tipin.toml --sim --valve clutch-1 --set high=\"26 bar\" --format markdown\n\nExit codes: 0 PASS or MARGINAL, 1 FAIL, 3 wrong input, 4 rig error, 5 aborted, 6 INVALID, 7 not stored"
     )]
     Run(run::RunArgs),
+    /// Check plans, valves, driver profiles and limits without a rig.
+    #[command(after_help = "Examples:\n  hil check plans/*.toml valves/*.toml drivers/*.toml")]
+    Check(check::CheckArgs),
+    /// Margins of stability of the pressure loop.
+    #[command(
+        after_help = "Examples:\n  hil margins --gain 0.04 --lag 0.01 --delay 0.04 --kp 1 --ki 5\n  hil margins --model paper --kp \"1 mA/bar\" --ki \"5 mA/(bar s)\" --delay-range \"10 ms..40 ms\" --format json"
+    )]
+    Margins(margins::MarginsArgs),
+    /// Propose gains that hold a largest sensitivity over the whole delay range.
+    #[command(
+        after_help = "Examples:\n  hil tune --model paper\n  hil tune --model paper --max-sensitivity 1.6 --plan plans/gain-comparison.toml"
+    )]
+    Tune(tune::TuneArgs),
     /// Identify a valve model from a recording.
     #[command(
         after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
@@ -134,6 +150,9 @@ pub fn main() -> u8 {
     let result: CliResult = match cli.command {
         Command::Challenge(args) => challenge::run(&args),
         Command::Run(args) => run::run(&args),
+        Command::Check(args) => check::run(&args),
+        Command::Margins(args) => margins::run(&args),
+        Command::Tune(args) => tune::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Diff(args) => diff::run(&args),
@@ -160,4 +179,12 @@ pub fn print(text: &str) -> Result<(), CliError> {
 /// Writes a line to stderr.
 pub fn note(text: &str) {
     let _ = writeln!(anstream::stderr(), "{text}");
+}
+
+/// One JSON document with a newline at its end.
+pub fn to_json(value: &impl serde::Serialize) -> Result<String, CliError> {
+    match serde_json::to_string_pretty(value) {
+        Ok(text) => Ok(text + "\n"),
+        Err(error) => Err(CliError { code: exit::INTERNAL, message: error.to_string() }),
+    }
 }

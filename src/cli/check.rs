@@ -1,0 +1,109 @@
+//! `hil check`: plans, valves, driver profiles, stations and limits, without a rig.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::run::believed;
+use super::{CliError, CliResult, exit};
+use crate::document::{self, nearest};
+use crate::physics::resolve;
+use crate::plan::{LIMITS_SCHEMA, LimitsFile, Plan};
+use crate::rig::profile::Profile;
+use crate::runner::Prepared;
+use crate::valve::Valve;
+
+/// Arguments of `hil check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Files to check; the kind follows from the `schema` key.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+}
+
+/// The kinds of file that are known, by their schema key.
+const KINDS: [&str; 5] = [crate::plan::SCHEMA, "hil.valve/1", "hil.driver/1", crate::batch::station::SCHEMA, LIMITS_SCHEMA];
+
+/// Runs the command: every file is checked, also after one that is wrong.
+pub fn run(args: &CheckArgs) -> CliResult {
+    let mut wrong = 0;
+    for path in &args.files {
+        match check(path) {
+            Ok(said) => super::print(&format!("ok     {}: {said}\n", path.display()))?,
+            Err(error) => {
+                wrong += 1;
+                super::note(&format!("error: {error}"));
+            }
+        }
+    }
+    if wrong == 0 { Ok(exit::DONE) } else { Err(CliError::input(format!("{wrong} of {} files are wrong", args.files.len()))) }
+}
+
+/// Checks one file; what it is in a few words.
+fn check(path: &Path) -> Result<String, CliError> {
+    let text = document::read(path).map_err(CliError::input)?;
+    match schema(&text).as_deref() {
+        Some(crate::plan::SCHEMA) => plan(path),
+        Some("hil.valve/1") => valve(path),
+        Some("hil.driver/1") => {
+            let profile = Profile::load(path).map_err(CliError::input)?;
+            Ok(format!("driver profile `{}`", profile.name))
+        }
+        Some(crate::batch::station::SCHEMA) => {
+            crate::batch::station::Station::load(path).map_err(CliError::input)?;
+            Ok("station".into())
+        }
+        Some(LIMITS_SCHEMA) => {
+            let limits = LimitsFile::load(path).map_err(CliError::input)?;
+            Ok(format!("{} limits", limits.limit.len()))
+        }
+        Some(other) => {
+            let hint = nearest(other, KINDS).map_or_else(String::new, |k| format!("; did you mean `{k}`?"));
+            Err(CliError::input(format!("{}: schema: `{other}` is unknown{hint} (allowed: {})", path.display(), KINDS.join(", "))))
+        }
+        None => match document::parse::<toml::Table>(&text, &path.display().to_string()) {
+            Err(error) => Err(CliError::input(error)),
+            Ok(_) => Err(CliError::input(format!(
+                "{}: has no key `schema`, so its kind is unknown (allowed: {})",
+                path.display(),
+                KINDS.join(", ")
+            ))),
+        },
+    }
+}
+
+/// The schema key, where the text is TOML and has one.
+fn schema(text: &str) -> Option<String> {
+    text.parse::<toml::Table>().ok()?.get("schema")?.as_str().map(String::from)
+}
+
+fn plan(path: &Path) -> Result<String, CliError> {
+    let plan = Plan::load(path, &[]).map_err(CliError::input)?;
+    let valve = Valve::find(plan.valve.as_deref().unwrap_or("paper")).and_then(|p| Valve::load(&p)).map_err(CliError::input)?;
+    let model = believed(&plan, &valve)?;
+    plan.check_valve(&model).map_err(CliError::input)?;
+    if let Some(stability) = Prepared::new(&plan, &model).stability
+        && stability["stable"] != serde_json::Value::Bool(true)
+    {
+        return Err(CliError::input(format!("{}: controller: the loop is unstable on the valve `{}`", path.display(), model.name)));
+    }
+    let limits = plan.phases.iter().flat_map(|p| &p.measures).filter(|m| m.limit.is_some()).count();
+    Ok(format!(
+        "plan `{}`, {} phases, {:.1} s at {} Hz, {limits} limits",
+        plan.name,
+        plan.phases.len(),
+        plan.duration_s(),
+        1.0 / plan.period_s
+    ))
+}
+
+fn valve(path: &Path) -> Result<String, CliError> {
+    let valve = Valve::load(path).map_err(CliError::input)?;
+    for effect in &valve.effects {
+        resolve(effect).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
+    }
+    let (low, high) = valve.curves.range_a;
+    let (bottom, top) = valve.curves.pressure_range_bar();
+    let effects = if valve.effects.is_empty() { String::new() } else { format!(", {} effects", valve.effects.len()) };
+    Ok(format!("valve `{}`, curves hold from {low:.3} A to {high:.3} A ({bottom:.2} bar to {top:.2} bar){effects}", valve.name))
+}
