@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::BatchError;
 use crate::document;
-use crate::units::{Pressure, Ratio, Time};
+use crate::units::{PRESSURE, Pressure, Ratio, TIME, Time};
 use crate::valve::{Hysteresis, Polynomial, ReferenceCurves, Valve};
 
 /// The schema key of a population file.
@@ -134,8 +134,8 @@ impl Population {
         Ok(population)
     }
 
-    /// The valve at `position` of the population around `nominal`.
-    pub fn draw(&self, nominal: &Valve, seed: u64, position: usize) -> Valve {
+    /// The valve at `position` of the population around `nominal`, and what was drawn, for the record.
+    pub fn draw(&self, nominal: &Valve, seed: u64, position: usize) -> (Valve, Vec<(String, String)>) {
         let mut rng = Pcg64::seed_from_u64(valve_seed(seed, position));
         let mut normal = || loop {
             let z: f64 = StandardNormal.sample(&mut rng);
@@ -156,7 +156,15 @@ impl Population {
         let a = (1.0 + s.a.value() * z[2] + shift(|g| g.a.value())).max(0.0);
         let delay = s.delay.value() * z[3] + shift(|g| g.delay.value());
         let noise = (1.0 + s.noise.value() * z[4] + shift(|g| g.noise.value())).max(0.0);
-        varied(nominal, gain, offset, a, delay, noise)
+        let mut drawn = vec![
+            ("drawn gain".to_string(), format!("{gain:.5}")),
+            ("drawn offset".to_string(), PRESSURE.print(offset)),
+            ("drawn factor of a".to_string(), format!("{a:.5}")),
+            ("drawn change of the delay".to_string(), TIME.print(delay)),
+            ("drawn factor of the noise".to_string(), format!("{noise:.5}")),
+        ];
+        drawn.extend(group.map(|g| ("group".to_string(), g.name.clone())));
+        (varied(nominal, gain, offset, a, delay, noise), drawn)
     }
 }
 
@@ -204,7 +212,7 @@ mod tests {
         )
         .unwrap();
         let n = nominal();
-        let valves: Vec<Valve> = (0..4000).map(|i| p.draw(&n, 7, i)).collect();
+        let valves: Vec<Valve> = (0..4000).map(|i| p.draw(&n, 7, i).0).collect();
         let deviation = |of: &dyn Fn(&Valve) -> f64| {
             let values: Vec<f64> = valves.iter().map(of).collect();
             let mean = values.iter().sum::<f64>() / 4000.0;
@@ -230,7 +238,7 @@ mod tests {
     fn a_group_takes_its_share() {
         let text = "schema = \"hil.population/1\"\n[spread]\n[[group]]\nname = \"weak\"\nshare = \"5 %\"\ngain = \"-10 %\"\n";
         let (p, n) = (Population::from_toml(text, "p.toml").unwrap(), nominal());
-        let weak = (0..4000).filter(|&i| p.draw(&n, 3, i).curves.ascending.coefficients[0].abs() < 40.0).count();
+        let weak = (0..4000).filter(|&i| p.draw(&n, 3, i).0.curves.ascending.coefficients[0].abs() < 40.0).count();
         assert!((160..=240).contains(&weak), "{weak}");
     }
 

@@ -1,0 +1,107 @@
+//! The files that a batch leaves beside its journal, all made from it: page, summary, JUnit, measurements, statistics.
+
+use std::io::Write;
+use std::path::Path;
+
+use crate::batch::BatchError;
+use crate::batch::index::Index;
+use crate::batch::store::write_whole;
+use crate::batch::summary::BatchSummary;
+use crate::batch::tally::{Attempt, Tally};
+use crate::recording::{Column, RecordingError, Values, replace_file, write_parquet};
+use crate::report;
+
+/// Folder of one attempt below that of the batch.
+pub fn attempt_folder(serial: &str, attempt: u32) -> String {
+    let serial: String = serial.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.+#".contains(c) { c } else { '_' }).collect();
+    format!("valves/{serial}/attempt-{attempt}")
+}
+
+/// The report of an attempt, where it has one.
+pub fn report_link(dir: &Path, attempt: &Attempt) -> Option<String> {
+    let path = format!("{}/report.html", attempt_folder(&attempt.dut.serial, attempt.number));
+    dir.join(&path).is_file().then(|| path.replace('#', "%23"))
+}
+
+/// An id that follows from what the report says.
+pub fn report_id(summary: &BatchSummary) -> String {
+    let bytes = serde_json::to_vec(&(&summary.batch, &summary.valves)).unwrap_or_default();
+    format!("HIL-{}", super::batch::hex(&bytes)[..12].to_uppercase())
+}
+
+/// The batch as JSON.
+pub fn json(summary: &BatchSummary) -> String {
+    let mut text = serde_json::to_string_pretty(summary).unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+/// The batch as JUnit XML.
+pub fn junit(summary: &BatchSummary, tally: &Tally) -> String {
+    let mut bytes = Vec::new();
+    // Writing to memory cannot fail.
+    let _ = report::batch::junit(summary, tally, &mut bytes);
+    String::from_utf8(bytes).unwrap_or_default()
+}
+
+/// Writes every file; each is whole or not there.
+pub fn write(dir: &Path, summary: &BatchSummary, tally: &Tally) -> Result<(), BatchError> {
+    write_whole(&dir.join("summary.md"), report::batch::markdown(summary).as_bytes())?;
+    write_whole(&dir.join("statistics.json"), json(summary).as_bytes())?;
+    write_whole(&dir.join("report.html"), report::batch::html(summary, &report_id(summary)).as_bytes())?;
+    stream(&dir.join("junit.xml"), |out| report::batch::junit(summary, tally, out))?;
+    stream(&dir.join("measurements.csv"), |out| report::batch::csv(tally, out))?;
+    parquet(&dir.join("measurements.parquet"), tally)?;
+    // The index is made from the journal and can be made again: a batch is none the worse without it.
+    if let Err(e) = Index::open(dir) {
+        super::note(&format!("warning: {e}"));
+    }
+    Ok(())
+}
+
+fn stream(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), BatchError> {
+    replace_file(path, |file| write(file)).map_err(stored(path))
+}
+
+fn stored(path: &Path) -> impl Fn(RecordingError) -> BatchError + '_ {
+    move |e| BatchError::store(path, std::io::Error::other(e.to_string()))
+}
+
+/// All measurements as one Parquet file: the rows of the CSV.
+fn parquet(path: &Path, tally: &Tally) -> Result<(), BatchError> {
+    let mut positions = Vec::new();
+    let mut attempts = Vec::new();
+    let mut values = Vec::new();
+    let mut texts: [Vec<&str>; 9] = Default::default();
+    for a in tally.attempts() {
+        for (m, (value, verdict)) in tally.metrics().iter().zip(&a.values) {
+            if value.is_nan() && *verdict == crate::record::Outcome::NotRun {
+                continue;
+            }
+            positions.push(a.position as i64);
+            attempts.push(i64::from(a.number));
+            values.push(*value);
+            let optional = |t: &'_ Option<String>| -> &str { t.as_deref().unwrap_or("") };
+            let row: [&str; 9] = [
+                &a.dut.serial,
+                optional(&a.dut.part_number),
+                optional(&a.dut.revision),
+                optional(&a.dut.lot),
+                report::format::outcome(a.outcome),
+                &m.phase,
+                &m.metric,
+                &m.unit,
+                report::format::outcome(*verdict),
+            ];
+            texts.iter_mut().zip(row).for_each(|(column, text)| column.push(text));
+        }
+    }
+    let names = ["serial", "part_number", "revision", "lot", "outcome", "phase", "metric", "unit", "verdict"];
+    let mut table = vec![
+        Column { name: "position", values: Values::Integers(&positions) },
+        Column { name: "attempt", values: Values::Integers(&attempts) },
+        Column { name: "value", values: Values::Numbers(&values) },
+    ];
+    table.extend(names.into_iter().zip(&texts).map(|(name, column)| Column { name, values: Values::Texts(column) }));
+    write_parquet(path, &[table]).map_err(stored(path))
+}

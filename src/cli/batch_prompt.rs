@@ -1,0 +1,85 @@
+//! Valves that are entered one by one, and what is known of a serial number from before.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::batch::BatchArgs;
+use crate::batch::campaign::Job;
+use crate::batch::index::{Index, Query, outcome_text};
+use crate::batch::store::Loaded;
+use crate::batch::{BatchError, duts};
+use crate::plan::{LimitsFile, SerialForm};
+use crate::record::{Dut, Outcome};
+
+/// What an earlier batch says of a serial number, where it has passed.
+pub fn passed_before(dir: &Path, serial: &str) -> Result<Option<String>, BatchError> {
+    let index = Index::open(dir)?;
+    let found = index.query(&Query { serial: Some(serial.into()), limit: 1000, ..Query::default() })?;
+    let passed = found.iter().rfind(|a| a.outcome == "PASS" || a.outcome == "MARGINAL");
+    Ok(passed.map(|a| format!("has passed before ({} in {}, {})", a.outcome, a.batch, a.at)))
+}
+
+/// The jobs of a batch whose valves are entered one by one.
+pub struct Prompted {
+    common: Dut,
+    form: SerialForm,
+    known: Option<PathBuf>,
+    seen: BTreeMap<String, (usize, u32, Outcome)>,
+    next: usize,
+    stop: Arc<AtomicBool>,
+}
+
+impl Prompted {
+    /// Asks for valves after those that the batch holds.
+    pub fn new(args: &BatchArgs, loaded: &Loaded, limits: Option<&LimitsFile>, stop: Arc<AtomicBool>) -> Self {
+        let common = Dut { serial: String::new(), part_number: args.part_number.clone(), revision: args.revision.clone(), lot: args.lot.clone() };
+        let form = limits.map_or_else(SerialForm::default, |l| l.serial.clone());
+        let seen = loaded.tally.attempts().iter().map(|a| (a.dut.serial.clone(), (a.position, a.number, a.outcome))).collect();
+        let next = loaded.tally.attempts().iter().map(|a| a.position + 1).max().unwrap_or(0);
+        Self { common, form, known: args.known.clone(), seen, next, stop }
+    }
+
+    fn known(&self, serial: &str) -> Option<String> {
+        match self.seen.get(serial) {
+            Some((_, _, Outcome::Pass | Outcome::Marginal)) => return Some("has passed in this batch already".into()),
+            Some((_, _, outcome)) => super::note(&format!("{serial} was tested before: {}; this is a further attempt", outcome_text(*outcome))),
+            None => {}
+        }
+        let dir = self.known.as_ref()?;
+        passed_before(dir, serial).unwrap_or_else(|e| Some(format!("cannot be looked up: {e}")))
+    }
+}
+
+impl Iterator for Prompted {
+    type Item = Job;
+
+    fn next(&mut self) -> Option<Job> {
+        let mut input = std::io::stdin().lock();
+        loop {
+            if self.stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            let _ = write!(anstream::stderr(), "serial (. ends): ");
+            let _ = anstream::stderr().flush();
+            match duts::prompt(&mut input, &self.common, &self.form, |serial| self.known(serial)) {
+                Ok(duts::Entry::Dut(dut)) => {
+                    let before = self.seen.get(&dut.serial).map(|(position, attempt, _)| (*position, *attempt));
+                    let (position, attempt) = before.map_or((self.next, 1), |(position, attempt)| (position, attempt + 1));
+                    self.next = self.next.max(position + 1);
+                    // Until its verdict is known, the valve counts as one that is in the works.
+                    self.seen.insert(dut.serial.clone(), (position, attempt, Outcome::NotRun));
+                    return Some(Job { position, attempt, dut });
+                }
+                Ok(duts::Entry::Refused(why)) => super::note(&format!("not accepted: {why}")),
+                Ok(duts::Entry::End) => return None,
+                Err(e) => {
+                    super::note(&format!("stdin: {e}"));
+                    return None;
+                }
+            }
+        }
+    }
+}
