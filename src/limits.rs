@@ -16,6 +16,27 @@ pub enum Bound {
     Exclusive,
 }
 
+/// How a measured value is compared with its limit. ISO/IEC 17025:2017, 7.8.6 asks to state it with every conformity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DecisionRule {
+    /// The measured value against the limit; its uncertainty is not taken into account.
+    #[default]
+    Simple,
+    /// The measured value against the limit drawn in by the expanded uncertainty (ILAC-G8:09/2019; JCGM 106:2012).
+    GuardBand,
+}
+
+impl DecisionRule {
+    /// The rule in words, for a report.
+    pub fn text(self) -> &'static str {
+        match self {
+            DecisionRule::Simple => "simple acceptance: the measured value against the limit, its uncertainty not taken into account",
+            DecisionRule::GuardBand => "guarded acceptance: every limit is drawn in by the expanded uncertainty of its metric",
+        }
+    }
+}
+
 /// What a figure is judged by, in the canonical unit of its metric.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Limit {
@@ -60,6 +81,12 @@ pub enum LimitError {
         /// Its value in the metric's unit.
         high_value: f64,
     },
+    /// The guard band takes everything.
+    #[error("an uncertainty of {uncertainty} leaves nothing between `min` and `max`")]
+    NothingLeft {
+        /// Expanded uncertainty in the metric's unit.
+        uncertainty: f64,
+    },
     /// A warning bound without the bound that it warns of.
     #[error("`{warning}` needs `{bound}`")]
     WarningAlone {
@@ -88,6 +115,17 @@ impl Limit {
             Some(w) => Err(LimitError::Crossed { low: w[0].0, low_value: w[0].1, high: w[1].0, high_value: w[1].1 }),
             None => Ok(()),
         }
+    }
+
+    /// The limit drawn in by an expanded uncertainty on both sides; a warning bound that it swallows warns of nothing more.
+    pub fn drawn_in(&self, uncertainty: f64) -> Result<Limit, LimitError> {
+        let (min, max) = (self.min.map(|m| m + uncertainty), self.max.map(|m| m - uncertainty));
+        if uncertainty < 0.0 || min.zip(max).is_some_and(|(min, max)| min > max) {
+            return Err(LimitError::NothingLeft { uncertainty });
+        }
+        let marginal_min = self.marginal_min.map(|w| min.map_or(w, |m| w.max(m)));
+        let marginal_max = self.marginal_max.map(|w| max.map_or(w, |m| w.min(m)));
+        Ok(Limit { min, max, marginal_min, marginal_max, bound: self.bound })
     }
 
     /// The verdict on `value`; an absent value and one that is not a number fail.
@@ -135,6 +173,18 @@ mod tests {
         insta::assert_snapshot!(Limit { min: Some(2.0), max: Some(1.0), ..Limit::default() }.check().unwrap_err(), @"`min` (2) is larger than `max` (1)");
         insta::assert_snapshot!(Limit { max: Some(1.0), marginal_max: Some(1.5), ..Limit::default() }.check().unwrap_err(), @"`marginal_max` (1.5) is larger than `max` (1)");
         insta::assert_snapshot!(Limit { max: Some(1.0), marginal_min: Some(0.5), ..Limit::default() }.check().unwrap_err(), @"`marginal_min` needs `min`");
+    }
+
+    #[test]
+    fn a_guard_band_keeps_the_uncertainty_away_from_the_limit() {
+        let guarded = LIMIT.drawn_in(0.15).unwrap();
+        let judge = |v: f64| guarded.judge(Some(v));
+        assert_eq!([judge(0.14), judge(0.16), judge(0.5), judge(0.82), judge(0.86)], {
+            use Verdict::*;
+            [Fail, Pass, Pass, Marginal, Fail]
+        });
+        assert!(guarded.check().is_ok(), "a swallowed warning bound does not cross");
+        insta::assert_snapshot!(LIMIT.drawn_in(0.6).unwrap_err(), @"an uncertainty of 0.6 leaves nothing between `min` and `max`");
     }
 
     proptest! {

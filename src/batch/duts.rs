@@ -5,8 +5,8 @@ use std::io::BufRead;
 use std::path::Path;
 
 use super::BatchError;
-use super::serial::SerialForm;
 use crate::document::nearest;
+use crate::plan::SerialForm;
 use crate::record::Dut;
 
 /// Longest list that is read.
@@ -101,7 +101,7 @@ pub fn prompt(input: &mut dyn BufRead, common: &Dut, form: &SerialForm, seen: im
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::serial::CheckCharacter;
+    use crate::plan::CheckCharacter;
 
     fn read(text: &str) -> Result<Vec<Dut>, String> {
         let dir = tempfile::tempdir().unwrap();

@@ -2,7 +2,6 @@
 
 mod error;
 
-pub mod acceptance;
 pub mod campaign;
 pub mod comparison;
 pub mod duts;
@@ -13,7 +12,6 @@ pub mod journal;
 pub mod master;
 pub mod msa;
 pub mod population;
-pub mod serial;
 pub mod station;
 pub mod statistics;
 pub mod store;

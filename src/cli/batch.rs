@@ -182,7 +182,11 @@ fn conduct(
     if done > 0 {
         super::note(&format!("going on after {done} valve(s)"));
     }
-    let reports = args.valve_reports.unwrap_or(if setup.simulated() && total.is_none_or(|n| n > 100) { ValveReports::Failed } else { ValveReports::All });
+    let reports = args.valve_reports.unwrap_or(if setup.simulated() && total.is_none_or(|n| n > 100) {
+        ValveReports::Failed
+    } else {
+        ValveReports::All
+    });
     let bench = Bench::open(setup, &args.rig, store.dir(), reports, args.threads, &stop)?;
     let jobs: Box<dyn Iterator<Item = Job> + Send> = match valves {
         Some(valves) => Box::new(remaining(valves, &loaded, &retry, args.retest).into_iter()),
@@ -193,7 +197,9 @@ fn conduct(
     let result = campaign::run(journal, jobs, bench.workers(), rules, &mut loaded.tally, |one| told.one(one));
     told.finish();
     result.map_err(failed)?;
-    let tolerance = |m: &crate::batch::tally::MetricKey| limits?.tolerance(&m.phase, &m.metric, &m.unit).map(|(min, max)| crate::batch::statistics::Tolerance { min, max });
+    let tolerance = |m: &crate::batch::tally::MetricKey| {
+        limits?.tolerance(&m.phase, &m.metric, &m.unit).map(|(min, max)| crate::batch::statistics::Tolerance { min, max })
+    };
     let dir = store.dir().to_path_buf();
     let link = |a: &crate::batch::tally::Attempt| batch_folder::report_link(&dir, a);
     let summary = summary::summarise(store.header(), &loaded.tally, loaded.damage, tolerance, link);
@@ -230,7 +236,11 @@ fn station(args: &BatchArgs, plan: &Plan) -> Result<Option<serde_json::Value>, C
             overrides = expired.iter().map(|e| format!("{e}; tested nevertheless: {reason}")).collect();
         }
         _ => {
-            let text = format!("{}: {}. Calibrate, or give --override-calibration REASON, which goes into every record", path.display(), expired.join("; "));
+            let text = format!(
+                "{}: {}. Calibrate, or give --override-calibration REASON, which goes into every record",
+                path.display(),
+                expired.join("; ")
+            );
             return Err(CliError::input(text));
         }
     }
@@ -435,4 +445,3 @@ impl Told {
         }
     }
 }
-

@@ -72,7 +72,13 @@ impl Setup {
     }
 
     /// Simulates one attempt on the valve at `position` of the population.
-    pub fn simulate(&self, position: usize, attempt: u32, dut: &crate::record::Dut, stop: Option<&AtomicBool>) -> Result<(TestRecord, Trace), BatchError> {
+    pub fn simulate(
+        &self,
+        position: usize,
+        attempt: u32,
+        dut: &crate::record::Dut,
+        stop: Option<&AtomicBool>,
+    ) -> Result<(TestRecord, Trace), BatchError> {
         let (valve, drawn) = match &self.population {
             Some(population) => population.draw(&self.valve, self.seed, position),
             None => (self.valve.clone(), Vec::new()),
@@ -97,7 +103,14 @@ pub struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     /// Opens what is needed before the first valve.
-    pub fn open(setup: &'a Setup, _args: &RigArgs, dir: &Path, reports: ValveReports, threads: Option<usize>, stop: &'a AtomicBool) -> Result<Self, CliError> {
+    pub fn open(
+        setup: &'a Setup,
+        _args: &RigArgs,
+        dir: &Path,
+        reports: ValveReports,
+        threads: Option<usize>,
+        stop: &'a AtomicBool,
+    ) -> Result<Self, CliError> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self { setup, dir: dir.into(), reports, workers: threads.unwrap_or(cores).clamp(1, 256), stop })
     }

@@ -81,12 +81,11 @@ fn parquet(path: &Path, tally: &Tally) -> Result<(), BatchError> {
             positions.push(a.position as i64);
             attempts.push(i64::from(a.number));
             values.push(*value);
-            let optional = |t: &'_ Option<String>| -> &str { t.as_deref().unwrap_or("") };
             let row: [&str; 9] = [
                 &a.dut.serial,
-                optional(&a.dut.part_number),
-                optional(&a.dut.revision),
-                optional(&a.dut.lot),
+                a.dut.part_number.as_deref().unwrap_or(""),
+                a.dut.revision.as_deref().unwrap_or(""),
+                a.dut.lot.as_deref().unwrap_or(""),
                 report::format::outcome(a.outcome),
                 &m.phase,
                 &m.metric,

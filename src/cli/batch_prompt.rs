@@ -35,7 +35,8 @@ pub struct Prompted {
 impl Prompted {
     /// Asks for valves after those that the batch holds.
     pub fn new(args: &BatchArgs, loaded: &Loaded, limits: Option<&LimitsFile>, stop: Arc<AtomicBool>) -> Self {
-        let common = Dut { serial: String::new(), part_number: args.part_number.clone(), revision: args.revision.clone(), lot: args.lot.clone() };
+        let common =
+            Dut { serial: String::new(), part_number: args.part_number.clone(), revision: args.revision.clone(), lot: args.lot.clone() };
         let form = limits.map_or_else(SerialForm::default, |l| l.serial.clone());
         let seen = loaded.tally.attempts().iter().map(|a| (a.dut.serial.clone(), (a.position, a.number, a.outcome))).collect();
         let next = loaded.tally.attempts().iter().map(|a| a.position + 1).max().unwrap_or(0);
@@ -45,7 +46,9 @@ impl Prompted {
     fn known(&self, serial: &str) -> Option<String> {
         match self.seen.get(serial) {
             Some((_, _, Outcome::Pass | Outcome::Marginal)) => return Some("has passed in this batch already".into()),
-            Some((_, _, outcome)) => super::note(&format!("{serial} was tested before: {}; this is a further attempt", outcome_text(*outcome))),
+            Some((_, _, outcome)) => {
+                super::note(&format!("{serial} was tested before: {}; this is a further attempt", outcome_text(*outcome)))
+            }
             None => {}
         }
         let dir = self.known.as_ref()?;

@@ -4,11 +4,16 @@
 //! and CI: see [`exit`].
 
 mod accept;
+mod batch;
+mod batch_bench;
+mod batch_folder;
+mod batch_prompt;
 mod challenge;
 mod check;
 mod completions;
 mod diff;
 mod explain;
+mod history;
 mod identify;
 mod margins;
 mod progress;
@@ -124,6 +129,16 @@ enum Command {
         after_help = "Examples:\n  hil diff reports/tipin reports/runs/tipin\n  hil diff reports reports/runs --format markdown > diff.md\n  hil diff A B --tolerance rmse=\"5 mbar\"\n\nExit code 1 when anything differs beyond tolerance."
     )]
     Diff(diff::DiffArgs),
+    /// Run a plan on a batch of valves: every attempt kept, statistics and a page at the end.
+    #[command(
+        after_help = "Examples:\n  hil batch plans/tipin.toml --count 100 --sim\n  hil batch plans/tipin.toml --count 10000 --sim --population plans/population.toml --out reports/runs/big\n  hil batch plans/tipin.toml --duts lot.csv --sim --station station.toml --limits part.toml\n  hil batch plans/tipin.toml --count 10000 --sim --out reports/runs/big --resume"
+    )]
+    Batch(Box<batch::BatchArgs>),
+    /// Ask the records of many batches: by serial number, lot, metric, time.
+    #[command(
+        after_help = "Examples:\n  hil history --serial SIM-000017\n  hil history reports/runs --lot L7 --metric tip-in/rmse\n  hil history --outcome FAIL --since 2026-11-21"
+    )]
+    History(history::HistoryArgs),
     /// Make a record the accepted one of its plan, under reports/.
     #[command(after_help = "Example:\n  hil accept reports/runs/tipin")]
     Accept(accept::AcceptArgs),
@@ -156,6 +171,8 @@ pub fn main() -> u8 {
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Batch(args) => batch::run(&args),
+        Command::History(args) => history::run(&args),
         Command::Accept(args) => accept::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Schema(args) => schema::run(&args),

@@ -9,8 +9,11 @@ use toml::Spanned;
 use super::check::limit;
 use super::error::Wrong;
 use super::file::LimitFile;
+use super::serial::SerialForm;
 use super::{Plan, PlanError};
 use crate::document;
+use crate::limits::DecisionRule;
+use crate::units::Unit;
 
 /// The schema key of a limits file.
 pub const LIMITS_SCHEMA: &str = "hil.limits/1";
@@ -29,6 +32,12 @@ pub struct LimitsFile {
     /// Where the limits come from.
     #[serde(default)]
     pub source: String,
+    /// How a measured value is compared with its limit.
+    #[serde(default)]
+    pub decision_rule: DecisionRule,
+    /// Form of the part's serial numbers.
+    #[serde(default)]
+    pub serial: SerialForm,
     /// The limits.
     #[schemars(with = "Vec<LimitEntry>")]
     pub limit: Vec<Spanned<LimitEntry>>,
@@ -50,6 +59,10 @@ pub struct LimitEntry {
     /// The limit, which replaces the plan's.
     #[schemars(with = "LimitFile")]
     pub limit: Spanned<LimitFile>,
+    /// Expanded uncertainty (k = 2) of the figure: the guard band, where the decision rule has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub uncertainty: Option<Spanned<String>>,
 }
 
 impl LimitsFile {
@@ -72,18 +85,26 @@ impl LimitsFile {
         file.source_text = (text.into(), source_name.into());
         Ok(file)
     }
+
+    /// Smallest and largest accepted value of a figure before any guard band: what its capability is judged by. `unit` is the
+    /// record's; `None` where the file says nothing of the figure.
+    pub fn tolerance(&self, phase: &str, metric: &str, unit: &str) -> Option<(Option<f64>, Option<f64>)> {
+        let entry = self.limit.iter().map(Spanned::get_ref).find(|e| e.phase.get_ref() == phase && e.metric.get_ref() == metric)?;
+        let limit = limit(&entry.limit, Unit::by_symbol(unit)?).ok()?;
+        Some((limit.min, limit.max))
+    }
 }
 
 impl Plan {
     /// Replaces the plan's limits by those of the file; every entry must find its phase and figure.
     pub fn apply_limits(&mut self, file: &LimitsFile) -> Result<(), PlanError> {
         for entry in &file.limit {
-            self.apply(entry.get_ref()).map_err(|w| w.shown(&file.source_text.0, &file.source_text.1))?;
+            self.apply(entry.get_ref(), file.decision_rule).map_err(|w| w.shown(&file.source_text.0, &file.source_text.1))?;
         }
         Ok(())
     }
 
-    fn apply(&mut self, entry: &LimitEntry) -> Result<(), Wrong> {
+    fn apply(&mut self, entry: &LimitEntry, rule: DecisionRule) -> Result<(), Wrong> {
         let names: Vec<String> = self.phases.iter().map(|p| p.name.clone()).collect();
         let Some(phase) = self.phases.iter_mut().find(|p| p.name == *entry.phase.get_ref()) else {
             let message = format!("the plan `{}` has no phase `{}` (phases: {})", self.name, entry.phase.get_ref(), names.join(", "));
@@ -96,7 +117,20 @@ impl Plan {
             return Err(Wrong::new(entry.metric.span(), message));
         };
         let unit = phase.measures[index].metric.metric().unit();
-        phase.measures[index].limit = Some(limit(&entry.limit, unit)?);
+        let written = limit(&entry.limit, unit)?;
+        let uncertainty = entry.uncertainty.as_ref().map(|text| {
+            let value = unit.parse(text.get_ref()).map_err(|e| Wrong::new(text.span(), e.to_string()))?;
+            written.drawn_in(value).map_err(|e| Wrong::new(text.span(), e.to_string()))
+        });
+        let applied = match (rule, uncertainty.transpose()?) {
+            (DecisionRule::Simple, _) => written,
+            (DecisionRule::GuardBand, Some(guarded)) => guarded,
+            (DecisionRule::GuardBand, None) => {
+                let message = "needs `uncertainty`: the decision rule of the file is a guard band";
+                return Err(Wrong::new(entry.limit.span(), message));
+            }
+        };
+        phase.measures[index].limit = Some(applied);
         Ok(())
     }
 }

@@ -10,6 +10,7 @@ mod file;
 mod level;
 mod limits_file;
 mod parameters;
+mod serial;
 mod stimulus;
 mod stimulus_table;
 mod waveform;
@@ -25,6 +26,7 @@ pub use file::{
 pub use level::{Level, LevelKind, LevelRate};
 pub use limits_file::{LIMITS_SCHEMA, LimitEntry, LimitsFile};
 pub use parameters::Override;
+pub use serial::{CheckCharacter, SerialError, SerialForm};
 pub use stimulus::StimulusFile;
 pub use waveform::{Piece, Waveform};
 
