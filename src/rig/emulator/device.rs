@@ -14,6 +14,8 @@ pub enum Load {
         /// Its length [s].
         period_s: f64,
     },
+    /// Another device has the valve; this one measures its pressure [bar].
+    Measured(Box<dyn FnMut() -> f64 + Send>),
     /// Every request is answered with another pressure, so that a reply can be told by its value.
     RequestNumber,
 }
@@ -65,6 +67,7 @@ pub struct Device {
     setpoint_a: f64,
     enabled: bool,
     tripped: bool,
+    trip_shown: bool,
     last_request_s: f64,
     first_current_s: Option<f64>,
     conversions: u64,
@@ -96,6 +99,7 @@ impl Device {
             }
         }
         let enabled = profile.signal(SignalName::Control).is_none();
+        let armed = profile.watchdog.kind == WatchdogKind::Fixed;
         Self {
             profile,
             registers,
@@ -104,13 +108,19 @@ impl Device {
             setpoint_a: 0.0,
             enabled,
             tripped: false,
+            trip_shown: false,
             last_request_s: 0.0,
             first_current_s: None,
             conversions: 0,
             held: None,
             defects: Defects::default(),
-            report: DeviceReport::default(),
+            report: DeviceReport { armed, ..DeviceReport::default() },
         }
+    }
+
+    /// Pressure at the valve [bar].
+    pub fn pressure_bar(&self) -> f64 {
+        self.report.pressure_bar
     }
 
     /// What the device saw so far.
@@ -144,6 +154,9 @@ impl Device {
     /// Steps the valve while the host is silent: whole steps that are over by half a step and more.
     fn run_valve(&mut self, now_s: f64) {
         let coil_a = self.report.coil_a;
+        if let Load::Measured(pressure) = &mut self.load {
+            self.report.pressure_bar = pressure();
+        }
         if let Load::Valve { step, period_s } = &mut self.load {
             while now_s - self.stepped_s >= 1.5 * *period_s {
                 self.report.pressure_bar = step(coil_a);
@@ -182,6 +195,11 @@ impl Device {
     pub fn received(&mut self, now_s: f64) -> (u64, Option<u64>) {
         self.advance(now_s);
         self.last_request_s = now_s;
+        if self.profile.watchdog.kind == WatchdogKind::Fixed && self.tripped {
+            // Without a register to clear it, a trip is shown in one reply and is over with the next request.
+            self.tripped = !std::mem::replace(&mut self.trip_shown, true);
+            self.trip_shown &= self.tripped;
+        }
         self.report.requests += 1;
         if self.first_current_s.is_some() {
             self.report.cycles += 1;

@@ -131,6 +131,17 @@ impl Emulator {
         guard.0.report()
     }
 
+    /// The pressure at this device's valve, for a second device that measures it.
+    pub fn pressure(&self) -> Load {
+        let shared = Arc::clone(&self.shared);
+        Load::Measured(Box::new(move || {
+            let now_s = shared.now_s();
+            let mut guard = shared.lock();
+            guard.0.advance(now_s);
+            guard.0.pressure_bar()
+        }))
+    }
+
     /// Whether the line is still served.
     pub fn is_serving(&self) -> bool {
         self.threads.iter().any(|t| !t.is_finished())

@@ -115,7 +115,7 @@ impl Bus for ModbusBus {
     fn transact(&mut self, t: &Transaction, out: &Outgoing, timeout_s: f64, into: &mut Incoming) -> Result<(), Loss> {
         let written = t.write.as_ref().map(|b| self.words(b, out)).unwrap_or_default();
         let write_address = t.write.as_ref().map_or(0, |b| b.address);
-        let extra = if t.freshness == Freshness::Quantity { out.extra } else { 0 };
+        let extra = if t.freshness == Freshness::Quantity { out.extra * t.step } else { 0 };
         let (read_address, count) = t.read.as_ref().map_or((0, 0), |b| (b.address, b.words + extra));
         let request = match t.function {
             3 => Request::ReadHoldingRegisters(read_address, count),

@@ -3,8 +3,8 @@
 use super::check::Context;
 use super::*;
 
-/// Distinct requests that must be told apart: as many as may stay unanswered in a row, and one more.
-const SPARE_REGISTERS: u16 = 3;
+/// Steps by which the quantity grows: with none, four requests in a row can be told apart.
+const STEPS: u16 = 3;
 
 /// Checks the transaction at `index`; `before` are those that come earlier in the slot.
 pub(super) fn transaction(
@@ -54,7 +54,8 @@ pub(super) fn transaction(
     if units.any(|u| u != unit_id) {
         return fail("read", "all signals of a transaction must have the same unit id".into());
     }
-    let checked = Transaction { function, unit_id, write, read, freshness: t.freshness, spare: t.spare, line: None };
+    let step = read.iter().flat_map(|b| &b.signals).map(|i| signals[*i].words()).max().unwrap_or(1);
+    let checked = Transaction { function, unit_id, write, read, freshness: t.freshness, spare: t.spare, step, line: None };
     freshness(c, index, &checked, transport, signals, before)?;
     Ok(checked)
 }
@@ -79,8 +80,8 @@ fn freshness(
         ),
         Freshness::Counter if !reads(t, signals, SignalName::Counter) => fail("the block that is read has no `counter`".into()),
         Freshness::Quantity if t.read.is_none() || t.write.is_some() => fail("only a transaction that reads and does not write can vary the quantity".into()),
-        Freshness::Quantity if t.spare < SPARE_REGISTERS => {
-            fail(format!("`spare` = {}: {SPARE_REGISTERS} registers behind the block must be readable, so that four requests differ", t.spare))
+        Freshness::Quantity if t.spare < STEPS * t.step => {
+            fail(format!("`spare` = {}: {} registers behind the block must be readable, so that four requests differ", t.spare, STEPS * t.step))
         }
         Freshness::Echo if t.function == 16 => Ok(()),
         Freshness::Echo if t.function == 6 => Ok(()),

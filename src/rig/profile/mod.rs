@@ -163,6 +163,8 @@ pub struct Transaction {
     pub freshness: Freshness,
     /// Readable registers behind the read block.
     pub spare: u16,
+    /// Registers by which the quantity grows, so that no value is cut in two.
+    pub step: u16,
     /// Lines of a line driver.
     pub line: Option<LineExchange>,
 }

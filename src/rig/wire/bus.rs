@@ -12,7 +12,7 @@ pub struct Outgoing {
     pub control: u16,
     /// The token that the device gives back.
     pub token: u16,
-    /// Registers asked for beyond the block.
+    /// Steps by which more registers are asked for than the block has.
     pub extra: u16,
 }
 

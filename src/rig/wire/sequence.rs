@@ -36,7 +36,7 @@ impl Sequence {
         self.token
     }
 
-    /// Registers to ask for beyond the block, 0 to 3 in turn.
+    /// Steps by which the quantity grows beyond the block, 0 to 3 in turn.
     pub fn extra(&self) -> u16 {
         self.token % DISTINCT as u16
     }
