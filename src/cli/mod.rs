@@ -12,10 +12,12 @@ mod challenge;
 mod check;
 mod completions;
 mod diff;
+mod emulate;
 mod explain;
 mod history;
 mod identify;
 mod margins;
+mod on_wire;
 mod progress;
 mod run;
 mod run_folder;
@@ -98,7 +100,7 @@ enum Command {
     Challenge(challenge::ChallengeArgs),
     /// Run a test plan and report its verdict.
     #[command(
-        after_help = "Examples:\n  hil run plans/tipin.toml --sim\n  hil run plans/tipin.toml --sim --valve clutch-1 --set high=\"26 bar\" --format markdown\n\nExit codes: 0 PASS or MARGINAL, 1 FAIL, 3 wrong input, 4 rig error, 5 aborted, 6 INVALID, 7 not stored"
+        after_help = "Examples:\n  hil run plans/tipin.toml --sim\n  hil run plans/tipin.toml --sim --valve clutch-1 --set high=\"26 bar\" --format markdown\n  hil run plans/tipin.toml --driver emulator --port /tmp/valve --watch\n\nExit codes: 0 PASS or MARGINAL, 1 FAIL, 3 wrong input, 4 rig error, 5 aborted, 6 INVALID, 7 not stored"
     )]
     Run(run::RunArgs),
     /// Check plans, valves, driver profiles and limits without a rig.
@@ -114,6 +116,11 @@ enum Command {
         after_help = "Examples:\n  hil tune --model paper\n  hil tune --model paper --max-sensitivity 1.6 --plan plans/gain-comparison.toml"
     )]
     Tune(tune::TuneArgs),
+    /// Put a simulated valve behind an emulated driver, on a pseudo terminal or on TCP.
+    #[command(
+        after_help = "Examples:\n  hil emulate --valve paper --driver emulator --pty /tmp/valve\n  hil emulate --valve paper --driver emulator-tcp --tcp 127.0.0.1:1502 --fault late.toml\n\nThen, in another terminal:\n  hil run plans/tipin.toml --driver emulator --port /tmp/valve"
+    )]
+    Emulate(emulate::EmulateArgs),
     /// Identify a valve model from a recording.
     #[command(
         after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
@@ -168,6 +175,7 @@ pub fn main() -> u8 {
         Command::Check(args) => check::run(&args),
         Command::Margins(args) => margins::run(&args),
         Command::Tune(args) => tune::run(&args),
+        Command::Emulate(args) => emulate::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Diff(args) => diff::run(&args),

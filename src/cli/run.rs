@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use sha2::{Digest, Sha256};
 
+use super::on_wire::{self, WireArgs};
 use super::progress::Bar;
 use super::{CliError, CliResult, exit, run_folder};
 use crate::plan::{LimitsFile, Override, Plan};
@@ -23,8 +24,11 @@ pub struct RunArgs {
     /// Plan file.
     pub plan: PathBuf,
     /// Run on a simulated valve.
-    #[arg(long, required = true)]
+    #[arg(long, required_unless_present = "driver")]
     pub sim: bool,
+    /// Driver and line.
+    #[command(flatten)]
+    pub wire: WireArgs,
     /// Valve file, or the bare name of one in valves/: the valve that is simulated.
     #[arg(long)]
     pub valve: Option<String>,
@@ -81,13 +85,7 @@ pub fn run(args: &RunArgs) -> CliResult {
     let (valve, valve_path) = load_valve(args.valve.as_deref().or(plan.valve.as_deref()).unwrap_or("paper"))?;
     let model = believed(&plan, &valve)?;
     plan.check_valve(&model).and_then(|()| plan.check_valve(&valve)).map_err(CliError::input)?;
-    let identity = RigIdentity {
-        name: valve_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
-        sha256: sha256(&valve_path)?,
-        ..RigIdentity::default()
-    };
-    let mut rig = SimulatedRig::new(&valve, plan.period_s, Some(args.seed), identity).map_err(CliError::input)?;
-    let dut = Dut { serial: args.serial.clone().unwrap_or_else(|| valve.name.clone()), ..Dut::default() };
+    let dut = dut(args, &valve);
     let folder = match &args.out {
         Some(folder) => {
             run_folder::make_folder(folder)?;
@@ -95,12 +93,27 @@ pub fn run(args: &RunArgs) -> CliResult {
         }
         None => run_folder::new_folder(&plan.name, &dut.serial)?,
     };
-    let stop = stop_on_signals()?;
     let started = jiff::Timestamp::now();
-    let options = RunOptions { model: &model, dut: &dut, seed: args.seed, stop: Some(&stop), prepared: None };
-    let mut bar = Bar::new();
-    let (mut record, trace) = runner::run(&plan, &mut rig, &options, &mut bar);
-    bar.finish();
+    let (mut record, trace) = if args.wire.driver.is_some() {
+        let run = on_wire::run(&plan, &model, &dut, args.seed, &args.wire)?;
+        if !run.frames.is_empty() {
+            run_folder::write_text(&folder.join("frames.txt"), &on_wire::frames_text(&run.frames)).map_err(CliError::not_stored)?;
+        }
+        (run.record, run.trace)
+    } else {
+        let identity = RigIdentity {
+            name: valve_path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+            sha256: sha256(&valve_path)?,
+            ..RigIdentity::default()
+        };
+        let mut rig = SimulatedRig::new(&valve, plan.period_s, Some(args.seed), identity).map_err(CliError::input)?;
+        let stop = stop_on_signals()?;
+        let options = RunOptions { model: &model, dut: &dut, seed: args.seed, stop: Some(&stop), prepared: None };
+        let mut bar = Bar::new();
+        let result = runner::run(&plan, &mut rig, &options, &mut bar);
+        bar.finish();
+        result
+    };
     record.provenance = Some(Provenance { version: env!("CARGO_PKG_VERSION").into(), started: started.to_string(), station: None });
     // The verdict is said after the record is stored.
     run_folder::write(&folder, &record, &trace)?;
@@ -109,6 +122,12 @@ pub fn run(args: &RunArgs) -> CliResult {
         super::note(&format!("stored in {}", folder.display()));
     }
     Ok(exit_code(record.outcome))
+}
+
+/// The valve under test: a simulated one has the name of its file, a real one that nobody named is unknown.
+fn dut(args: &RunArgs, valve: &Valve) -> Dut {
+    let unnamed = if args.sim { valve.name.clone() } else { "unknown".into() };
+    Dut { serial: args.serial.clone().unwrap_or(unnamed), ..Dut::default() }
 }
 
 /// The valve file behind a path or a bare name, with its warnings on stderr.

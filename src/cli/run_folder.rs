@@ -46,7 +46,8 @@ pub fn write(folder: &Path, record: &TestRecord, trace: &Trace) -> Result<(), Cl
     all().map_err(CliError::not_stored)
 }
 
-fn write_text(path: &Path, text: &str) -> Result<(), RecordingError> {
+/// Writes a text file; it is whole or not there.
+pub fn write_text(path: &Path, text: &str) -> Result<(), RecordingError> {
     replace_file(path, |file| file.write_all(text.as_bytes()))
 }
 

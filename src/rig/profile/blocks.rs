@@ -170,6 +170,7 @@ fn line_transaction(c: &Context, index: usize, t: &TransactionFile, signals: &[S
         read: None,
         freshness: t.freshness,
         spare: 0,
+        step: 1,
         line: Some(LineExchange { request, reply }),
     })
 }

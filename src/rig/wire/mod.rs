@@ -146,9 +146,19 @@ pub fn open(profile: &Profile, endpoint: &Endpoint, period_s: f64, options: Opti
 }
 
 impl WireRig {
-    /// What was lost so far: driver, then pressure source.
-    pub fn losses(&self) -> Losses {
-        self.driver.losses
+    /// What was lost since the start, on both devices, and what the last loss was.
+    pub fn losses(&self) -> (Losses, String) {
+        let mut sum = self.driver.losses;
+        let mut last = self.driver.last_loss.clone().unwrap_or_default();
+        if let Some(source) = &self.source {
+            let l = source.losses;
+            sum.lost += l.lost;
+            sum.stale += l.stale;
+            sum.exceptions += l.exceptions;
+            sum.implausible += l.implausible;
+            last = source.last_loss.clone().unwrap_or(last);
+        }
+        (sum, last)
     }
 
     /// The latest raw frames of the driver's line.

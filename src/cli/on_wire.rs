@@ -1,0 +1,236 @@
+//! A run on hardware: the loop on its own thread, the supervisor here, and what both say to a person.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::{CliError, exit};
+use crate::plan::Plan;
+use crate::record::{Dut, TestRecord, Trace};
+use crate::rig::loop_thread::{self, LoopControl, LoopError, safe_text};
+use crate::rig::profile::Profile;
+use crate::rig::wire::TracedFrame;
+use crate::rig::{Endpoint, Options, Quality, RigError, open};
+use crate::runner::{self, Observer, Progress, RunOptions};
+use crate::units::{Current, Pressure};
+use crate::valve::Valve;
+
+/// The driver and the line to it.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Hardware")]
+pub struct WireArgs {
+    /// Driver profile: a path, or the bare name of a file in drivers/.
+    #[arg(long, value_name = "PROFILE", conflicts_with = "sim")]
+    pub driver: Option<String>,
+    /// Serial port of the driver, for instance /dev/serial/by-id/...
+    #[arg(long, value_name = "DEV", requires = "driver", conflicts_with = "tcp")]
+    pub port: Option<PathBuf>,
+    /// Host and port of the driver.
+    #[arg(long, value_name = "HOST:PORT", requires = "driver")]
+    pub tcp: Option<String>,
+    /// Profile of a second device that measures the pressure.
+    #[arg(long, value_name = "PROFILE", requires = "driver")]
+    pub pressure_driver: Option<String>,
+    /// Serial port of the pressure source.
+    #[arg(long, value_name = "DEV", requires = "pressure_driver", conflicts_with = "pressure_tcp")]
+    pub pressure_port: Option<PathBuf>,
+    /// Host and port of the pressure source.
+    #[arg(long, value_name = "HOST:PORT", requires = "pressure_driver")]
+    pub pressure_tcp: Option<String>,
+    /// Largest current of this station; the smaller of this and the profile's holds.
+    #[arg(long, value_name = "CURRENT", requires = "driver")]
+    pub max_current: Option<Current>,
+    /// Largest pressure of this station; the smaller of this and the profile's holds.
+    #[arg(long, value_name = "PRESSURE", requires = "driver")]
+    pub max_pressure: Option<Pressure>,
+    /// Run although no watchdog of the device takes the current away when this program dies; the record shows it.
+    #[arg(long, requires = "driver")]
+    pub without_watchdog: bool,
+    /// Show target, pressure, current and quality while it runs.
+    #[arg(long, requires = "driver")]
+    pub watch: bool,
+}
+
+/// What a run on hardware gave.
+pub struct WireRun {
+    /// The record.
+    pub record: TestRecord,
+    /// The trace.
+    pub trace: Trace,
+    /// The latest raw frames, where anything was lost.
+    pub frames: Vec<TracedFrame>,
+}
+
+/// The endpoint that a pair of options names.
+pub fn endpoint(port: &Option<PathBuf>, tcp: &Option<String>, what: &str) -> Result<Endpoint, CliError> {
+    match (port, tcp) {
+        (Some(port), _) => Ok(Endpoint::Serial(port.clone())),
+        (None, Some(address)) => Ok(Endpoint::Tcp(address.clone())),
+        (None, None) => Err(CliError::usage(format!("{what}: where is it? Give its serial port or its HOST:PORT"))),
+    }
+}
+
+/// A profile by path or bare name.
+pub fn load_profile(name: &str) -> Result<Profile, CliError> {
+    Profile::find(name).and_then(|path| Profile::load(&path)).map_err(CliError::input)
+}
+
+/// Runs a plan on hardware, on a thread of its own.
+pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) -> Result<WireRun, CliError> {
+    let profile = load_profile(args.driver.as_deref().unwrap_or_default())?;
+    let at = endpoint(&args.port, &args.tcp, "--driver")?;
+    let pressure_source = match &args.pressure_driver {
+        Some(name) => Some((load_profile(name)?, endpoint(&args.pressure_port, &args.pressure_tcp, "--pressure-driver")?)),
+        None => None,
+    };
+    let control = Arc::new(LoopControl::default());
+    let (producer, mut view) = live_view(args.watch);
+    let (plan, model, dut) = (plan.clone(), model.clone(), dut.clone());
+    let options = Options {
+        current_max_a: args.max_current.map(|q| q.value()),
+        pressure_max_bar: args.max_pressure.map(|q| q.value()),
+        without_watchdog: args.without_watchdog,
+        pressure_source,
+        control: Arc::clone(&control),
+        privileges: None,
+    };
+    let inside = Arc::clone(&control);
+    let body = move |privileges| -> Result<WireRun, RigError> {
+        let options = Options { privileges: Some(privileges), ..options };
+        let mut rig = open(&profile, &at, plan.period_s, options)?;
+        let run = RunOptions { model: &model, dut: &dut, seed, stop: Some(inside.stop_flag()), prepared: None };
+        let (mut record, trace) = runner::run(&plan, &mut rig, &run, &mut Feed(producer));
+        let (losses, last) = rig.losses();
+        let lost = losses.lost + losses.stale + losses.exceptions + losses.implausible > 0;
+        if lost {
+            let counts = format!(
+                "{} without a reply, {} stale, {} exceptions, {} implausible; the last: {last}",
+                losses.lost, losses.stale, losses.exceptions, losses.implausible
+            );
+            record.rig.details.push(("lost samples".into(), counts));
+        }
+        if let Some(signal) = inside.stop_requested() {
+            record.rig.details.push(("stopped by".into(), signal.into()));
+        }
+        Ok(WireRun { record, trace, frames: if lost { rig.trace() } else { Vec::new() } })
+    };
+    let result = loop_thread::run(&control, body, || view.show());
+    view.finish();
+    match result {
+        Ok(Ok(run)) => Ok(run),
+        Ok(Err(error)) => Err(failed(error, &control)),
+        Err(error @ LoopError::Panicked { .. }) if error.is_safe() => Err(CliError { code: exit::INTERNAL, message: error.to_string() }),
+        Err(error) => Err(CliError::rig(error)),
+    }
+}
+
+/// The exit code of a rig that did not start.
+fn failed(error: RigError, control: &LoopControl) -> CliError {
+    let safe = control.safe_state();
+    match error {
+        RigError::Profile { .. } => CliError::input(error),
+        RigError::Stopped { .. } if safe.as_ref().is_some_and(|s| s.confirmed) => {
+            CliError { code: exit::ABORTED, message: format!("{error}; {}", safe_text(&safe)) }
+        }
+        // Nothing was written to a device that could not be opened or did not show what it is.
+        error if safe.is_none() => CliError::rig(error),
+        error => CliError::rig(format!("{error}; {}", safe_text(&safe))),
+    }
+}
+
+/// The frames as lines of text: time, direction, bytes in hex.
+pub fn frames_text(frames: &[TracedFrame]) -> String {
+    let mut text = String::from("# time_s direction bytes\n");
+    for frame in frames {
+        let bytes: Vec<String> = frame.bytes.iter().map(|b| format!("{b:02X}")).collect();
+        text.push_str(&format!("{:.4} {} {}\n", frame.time_s, if frame.sent { ">" } else { "<" }, bytes.join(" ")));
+    }
+    text
+}
+
+/// One line of the live view.
+#[derive(Debug, Clone, Copy)]
+struct Glance {
+    sample: usize,
+    samples: usize,
+    time_s: f64,
+    target_bar: f64,
+    pressure_bar: f64,
+    current_a: f64,
+    quality: Quality,
+    lateness_s: f64,
+}
+
+/// The loop's end of the queue: a full queue drops the glance, the loop never waits.
+struct Feed(Producer<Glance>);
+
+impl Observer for Feed {
+    fn sample(&mut self, p: &Progress<'_>) {
+        let _ = self.0.push(Glance {
+            sample: p.sample,
+            samples: p.samples,
+            time_s: p.measured.time_s,
+            target_bar: p.target_bar,
+            pressure_bar: p.measured.pressure_bar,
+            current_a: p.current_a,
+            quality: p.measured.quality,
+            lateness_s: p.measured.lateness_s,
+        });
+    }
+}
+
+/// The supervisor's end: draws at most ten times a second.
+struct View {
+    queue: Consumer<Glance>,
+    watch: bool,
+    shown: Instant,
+    bad: u64,
+    drawn: bool,
+}
+
+fn live_view(watch: bool) -> (Producer<Glance>, View) {
+    let (producer, queue) = RingBuffer::new(256);
+    (producer, View { queue, watch, shown: Instant::now(), bad: 0, drawn: false })
+}
+
+impl View {
+    fn show(&mut self) {
+        let mut last = None;
+        while let Ok(glance) = self.queue.pop() {
+            self.bad += u64::from(glance.quality != Quality::Good);
+            last = Some(glance);
+        }
+        let Some(g) = last.filter(|_| self.watch && self.shown.elapsed() > Duration::from_millis(100)) else { return };
+        self.shown = Instant::now();
+        self.drawn = true;
+        let number = |value: f64, unit: &str, digits: usize| {
+            if value.is_finite() { format!("{value:.digits$} {unit}") } else { format!("- {unit}") }
+        };
+        let line = format!(
+            "{:>3} % {:>9}  target {:>10}  pressure {:>10}  current {:>8}  {:<11} not good {:<4} late {:.2} ms",
+            100 * g.sample / g.samples.max(1),
+            number(g.time_s, "s", 2),
+            number(g.target_bar, "bar", 2),
+            number(g.pressure_bar, "bar", 2),
+            number(g.current_a, "A", 3),
+            g.quality.name(),
+            self.bad,
+            g.lateness_s * 1e3
+        );
+        // On a terminal one line is written over and over; elsewhere each stands for itself.
+        use std::io::{IsTerminal, Write};
+        let mut err = std::io::stderr();
+        let _ = if err.is_terminal() { write!(err, "\r{line}\x1b[K") } else { writeln!(err, "{line}") };
+        let _ = err.flush();
+    }
+
+    fn finish(&mut self) {
+        use std::io::IsTerminal;
+        if self.drawn && std::io::stderr().is_terminal() {
+            super::note("");
+        }
+    }
+}
