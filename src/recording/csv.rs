@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
+use super::cell::{Cell, Stamps, bare, decimals, number, shown};
 use super::mapping::Role;
 use super::source::{Rows, Source, Tally, resolve};
 use super::{Mapping, RecordingError};
@@ -83,47 +84,6 @@ fn split(line: &[u8], separator: u8, cells: &mut Vec<(usize, usize)>) {
     cells.push((start, line.len()));
 }
 
-/// A cell without surrounding space and quotes.
-fn bare(cell: &[u8]) -> &[u8] {
-    let cell = cell.trim_ascii();
-    match cell {
-        [b'"', inner @ .., b'"'] => inner.trim_ascii(),
-        _ => cell,
-    }
-}
-
-/// What a cell of a number holds.
-enum Cell {
-    Number(f64),
-    /// A number with a decimal comma.
-    CommaNumber(f64),
-    Gap,
-    Infinite,
-    Other,
-}
-
-fn number(cell: &[u8]) -> Cell {
-    let Ok(text) = std::str::from_utf8(cell) else { return Cell::Other };
-    // `parse` also takes "nan", "inf" and "infinity" in any case.
-    if let Ok(value) = text.parse::<f64>() {
-        return match value {
-            v if v.is_finite() => Cell::Number(v),
-            v if v.is_nan() => Cell::Gap,
-            _ => Cell::Infinite,
-        };
-    }
-    if text.is_empty() || ["na", "n/a", "#n/a", "null", "none", "-", "--"].iter().any(|gap| text.eq_ignore_ascii_case(gap)) {
-        return Cell::Gap;
-    }
-    if text.bytes().filter(|b| *b == b',').count() == 1
-        && !text.contains('.')
-        && let Ok(value) = text.replace(',', ".").parse::<f64>()
-    {
-        return if value.is_finite() { Cell::CommaNumber(value) } else { Cell::Infinite };
-    }
-    Cell::Other
-}
-
 fn header(line: &[u8], file: &str, at: usize) -> Result<(u8, Vec<String>), RecordingError> {
     let mut cells = Vec::new();
     let mut count = |separator: u8| {
@@ -148,6 +108,10 @@ pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str,
     if !lines.next(path, file)? {
         return Err(RecordingError::format(file, "the file is empty; a header is wanted, for instance time_s,current_a,pressure_bar"));
     }
+    // Spreadsheets write the separator into a line of its own; the header shows it anyway.
+    if lines.buffer.len() == 5 && lines.buffer.starts_with(b"sep=") && !lines.next(path, file)? {
+        return Err(RecordingError::format(file, "there is no header"));
+    }
     let (separator, mut names) = header(&lines.buffer, file, lines.number)?;
     let mut sources = resolve(file, &names, map, false)?;
     let mut rows = Rows::new(file, &sources, true);
@@ -162,6 +126,7 @@ pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str,
     let mut cut: Option<String> = None;
     let mut previous_decimals = 0;
     let mut run_name: Vec<u8> = Vec::new();
+    let mut stamps = Stamps::default();
     while lines.next(path, file)? {
         let line = &lines.buffer;
         split(line, separator, &mut cells);
@@ -203,7 +168,15 @@ pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str,
                 }
                 continue;
             };
-            let value = match number(cell) {
+            let found = number(cell);
+            if source.role == Role::Time
+                && matches!(found, Cell::Other)
+                && let Some(since_first_s) = stamps.of(cell)
+            {
+                values.push(since_first_s);
+                continue;
+            }
+            let value = match found {
                 Cell::Number(value) => value,
                 Cell::CommaNumber(value) => {
                     commas.add(|| format!("line {}", lines.number));
@@ -241,6 +214,12 @@ pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str,
     if short.count > 3 && short.count * 100 > rows.time_s.len() {
         let first = short.first.unwrap_or_default();
         return Err(RecordingError::format(file, format!("{} lines have fewer cells than the header (first: {first})", short.count)));
+    }
+    if let Some((count, first)) = stamps.count.checked_sub(1).map(|_| (stamps.count, &stamps.first)) {
+        if count + rows.time_s.iter().filter(|t| t.is_nan()).count() < rows.time_s.len() {
+            return Err(RecordingError::format(file, "time_s holds numbers in some lines and time stamps in others"));
+        }
+        rows.notes.push(format!("time stamps are counted from the first, {first}"));
     }
     rows.notes.extend(units);
     rows.notes.extend(commas.note("number has", "numbers have", "a decimal comma"));
@@ -302,19 +281,6 @@ fn unit_line(line: &[u8], cells: &[(usize, usize)], sources: &mut [Source]) -> O
         }
     }
     (!said.is_empty()).then(|| said.join(", "))
-}
-
-/// Digits behind the decimal point.
-fn decimals(cell: &[u8]) -> usize {
-    let cell = bare(cell);
-    cell.iter().rposition(|b| matches!(b, b'.' | b',')).map_or(0, |at| cell.len() - at - 1)
-}
-
-/// The start of a cell, for a message.
-fn shown(cell: &[u8]) -> String {
-    let text = String::from_utf8_lossy(cell);
-    let short: String = text.chars().take(40).collect();
-    if short.len() < text.len() { format!("{short}...") } else { short }
 }
 
 #[cfg(test)]
@@ -384,6 +350,24 @@ mod tests {
     }
 
     #[test]
+    fn time_stamps_count_from_the_first() {
+        let text = |stamps: [&str; 3]| format!("sep=;\ntime_s;current_a\n{};1\n{};2\n{};3\n", stamps[0], stamps[1], stamps[2]);
+        for stamps in [
+            ["2026-03-01T23:59:59.990", "2026-03-02T00:00:00.000", "2026-03-02T00:00:00.010"],
+            ["2026-03-01 23:59:59.990", "2026-03-02 00:00:00.000", "2026-03-02 00:00:00.010"],
+            ["2026-03-01T23:59:59.99+01:00", "2026-03-01T23:00:00Z", "2026-03-02T00:00:00.01+01:00"],
+            ["12:00:00,000", "12:00:00,010", "12:00:00,020"],
+        ] {
+            let recording = read(&text(stamps));
+            let time = &recording.runs[0].time_s;
+            assert!(time.iter().zip([0.0, 0.01, 0.02]).all(|(a, b)| (a - b).abs() < 1e-9), "{time:?}");
+            assert_eq!(recording.notes[0], format!("time stamps are counted from the first, {}", stamps[0]));
+        }
+        insta::assert_snapshot!(refusal(&text(["12:00:00", "7", "12:00:02"])), @"x.csv: time_s holds numbers in some lines and time stamps in others");
+        insta::assert_snapshot!(refusal(&text(["12:00:00", "soon", "12:00:02"])), @"x.csv: line 4, column 1 (`time_s`): `soon` is not a number; allowed: a number, or an empty cell or NaN for a gap");
+    }
+
+    #[test]
     fn a_line_of_units_below_the_header_counts() {
         let recording = read("time_s,current_a,pressure_bar\n[ms],mA,bar\n0,100,1.5\n10,200,2.5\n20,300,3.5\n");
         assert_eq!(recording.notes, ["line 2 holds units and no values: time_s in ms, current_a in mA, pressure_bar in bar"]);
@@ -422,7 +406,7 @@ mod tests {
         insta::assert_snapshot!(refusal("0,1,2\n"), @"x.csv: line 1: the first line holds no names; a header is wanted, for instance time_s,current_a,pressure_bar");
         insta::assert_snapshot!(refusal("time_s,current_a\n"), @"x.csv: there is no row of values");
         insta::assert_snapshot!(refusal("time_s,I\n0,1\n"), @r#"x.csv: no column `current_a` (a foreign name is taken by --map current_a="I_cmd [mA]"); the file has: `time_s`, `I`"#);
-        insta::assert_snapshot!(refusal("time_s,curent_a\n0,1\n"), @"x.csv: no column `current_a` (did you mean `curent_a`?); the file has: `time_s`, `curent_a`");
+        insta::assert_snapshot!(refusal("time_s,curent_a\n0,1\n"), @r#"x.csv: no column `current_a` (did you mean `curent_a`?) (a foreign name is taken by --map current_a="I_cmd [mA]"); the file has: `time_s`, `curent_a`"#);
         insta::assert_snapshot!(refusal("time_s,current_a,current_a\n0,1,1\n"), @"x.csv: the column `current_a` is there twice (columns 2 and 3)");
         insta::assert_snapshot!(refusal("# c\ntime_s,current_a\n0,1\n1,ERR\n2,1\n"), @"x.csv: line 4, column 2 (`current_a`): `ERR` is not a number; allowed: a number, or an empty cell or NaN for a gap");
         insta::assert_snapshot!(refusal("time_s,current_a\n0,0,1,5\n"), @"x.csv: line 2: 4 cells where the header has 2 (with decimal commas, separate the cells by `;`)");

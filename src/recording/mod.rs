@@ -3,6 +3,7 @@
 //! A [`Recording`] holds one or more [`Run`]s; each run starts from its own initial state. Values are in the
 //! canonical units of [`crate::units`]; a value that was not recorded is NaN, never zero.
 
+mod cell;
 mod clean;
 mod csv;
 mod error;
@@ -11,6 +12,7 @@ mod fuzz;
 mod mapping;
 mod mdf4;
 mod parquet;
+mod part;
 mod source;
 mod table;
 mod write;

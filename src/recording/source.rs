@@ -51,7 +51,7 @@ pub(super) fn resolve(file: &str, columns: &[String], map: &[Mapping], time_is_k
 
 fn missing(file: &str, columns: &[String], column: &str, hint: String) -> RecordingError {
     let near = columns.iter().min_by_key(|c| strsim::osa_distance(c, column)).filter(|c| strsim::osa_distance(c, column) <= 2);
-    let hint = near.map_or(hint, |n| format!(" (did you mean `{n}`?)"));
+    let hint = near.map(|n| format!(" (did you mean `{n}`?)")).unwrap_or_default() + &hint;
     let mut found = columns.iter().take(40).map(|c| format!("`{c}`")).collect::<Vec<_>>().join(", ");
     if columns.len() > 40 {
         found += &format!(" and {} more", columns.len() - 40);
