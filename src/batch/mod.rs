@@ -12,6 +12,7 @@ pub mod journal;
 pub mod master;
 pub mod msa;
 pub mod population;
+pub mod readings;
 pub mod station;
 pub mod statistics;
 pub mod store;

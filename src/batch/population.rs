@@ -91,8 +91,8 @@ impl Population {
     /// The population that is used where no file is given.
     pub fn standard() -> Self {
         let spread = Spread {
-            gain: Ratio::new(0.01),
-            offset: Pressure::new(0.05),
+            gain: Ratio::new(0.005),
+            offset: Pressure::new(0.02),
             a: Ratio::new(0.1),
             delay: Time::new(0.001),
             noise: Ratio::new(0.1),

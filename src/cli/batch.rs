@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use sha2::{Digest, Sha256};
@@ -15,10 +15,10 @@ use crate::batch::campaign::{self, Confirmed, Job, Retry, Rules};
 use crate::batch::journal::{Kind, Line, frame};
 use crate::batch::population::Population;
 use crate::batch::station::Station;
-use crate::batch::store::{Header, Interrupted, Loaded, SCHEMA, Store};
+use crate::batch::store::{Header, Loaded, SCHEMA, Store};
 use crate::batch::{BatchError, duts, master, summary};
 use crate::plan::{LimitsFile, Override, Plan, RetryOn, SerialForm};
-use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, TestRecord, Timing};
+use crate::record::{Dut, Outcome};
 use crate::report;
 
 /// Arguments of `hil batch`.
@@ -83,7 +83,7 @@ pub struct BatchArgs {
     /// A folder of earlier batches: valves that have passed there are refused.
     #[arg(long, value_name = "DIR")]
     pub known: Option<PathBuf>,
-    /// Which valves get a folder with report and trace of their own; `failed` by default for more than 100 simulated valves.
+    /// Which valves get a folder with report and trace of their own; of simulated ones all up to 100, `failed` up to 1000, else none.
     #[arg(long, value_enum)]
     pub valve_reports: Option<ValveReports>,
     /// What is printed on stdout.
@@ -139,15 +139,15 @@ pub fn run(args: &BatchArgs) -> CliResult {
     if let Some(limits) = &limits {
         plan.apply_limits(limits).map_err(CliError::input)?;
     }
-    let station = station(args, &plan)?;
+    let (station, station_block) = station(args, &plan)?;
     let population = match &args.population {
         Some(path) => Some(Population::load(path).map_err(failed)?),
         None => args.count.map(|_| Population::standard()),
     };
     let form = |_: &Dut| limits.as_ref().map_or_else(SerialForm::default, |l| l.serial.clone());
     let valves = valves(args, form)?;
-    let setup = Setup::new(&args.rig, plan, population.clone(), args.seed)?;
-    let header = header(args, &setup, population, limits.as_ref(), station, valves.as_deref())?;
+    let setup = Setup::new(&args.rig, plan, population.clone(), args.seed, station.as_ref())?;
+    let header = header(args, &setup, population, limits.as_ref(), station_block, valves.as_deref())?;
     let dir = folder(args, &setup.plan.name)?;
     let store = Store::open(&dir, header, args.resume).map_err(failed)?;
     let loaded = store.load().map_err(failed)?;
@@ -167,7 +167,8 @@ fn conduct(
     let stop = stop_on_signals()?;
     let mut journal = store.journal().map_err(failed)?;
     for interrupted in std::mem::take(&mut loaded.interrupted) {
-        let record = aborted(&setup.plan, &setup.identity(), &interrupted, setup.simulated());
+        let why = format!("interrupted: begun at {}, and the process ended before the record was stored", interrupted.at);
+        let record = setup.without_run(&interrupted.dut, Outcome::Aborted, why);
         let (position, attempt) = (interrupted.position, interrupted.attempt);
         let line = Line { event: Kind::Finished, position, attempt, at: now(), dut: None, record: Some(record.clone()) };
         journal.append(&frame(&line)).map_err(failed)?;
@@ -182,12 +183,22 @@ fn conduct(
     if done > 0 {
         super::note(&format!("going on after {done} valve(s)"));
     }
-    let reports = args.valve_reports.unwrap_or(if setup.simulated() && total.is_none_or(|n| n > 100) {
-        ValveReports::Failed
-    } else {
-        ValveReports::All
+    let reports = args.valve_reports.unwrap_or(match total {
+        Some(n) if setup.simulated() && n > 1000 => ValveReports::None,
+        Some(n) if setup.simulated() && n > 100 => ValveReports::Failed,
+        _ => ValveReports::All,
     });
-    let bench = Bench::open(setup, &args.rig, store.dir(), reports, args.threads, &stop)?;
+    let bench = Bench {
+        setup,
+        dir: store.dir(),
+        reports,
+        threads: args.threads,
+        retry: &retry,
+        station: store.header().station.as_ref(),
+        mounted_by_hand: valves.is_some(),
+        stop: &stop,
+        down: AtomicBool::new(false),
+    };
     let jobs: Box<dyn Iterator<Item = Job> + Send> = match valves {
         Some(valves) => Box::new(remaining(valves, &loaded, &retry, args.retest).into_iter()),
         None => Box::new(super::batch_prompt::Prompted::new(args, &loaded, limits, Arc::clone(&stop))),
@@ -215,6 +226,10 @@ fn conduct(
     if args.format == Format::Text {
         super::note(&format!("stored in {}", store.dir().display()));
     }
+    if bench.down.load(Ordering::Relaxed) {
+        super::note("the station failed, so the batch stopped; put it right and go on with --resume");
+        return Ok(exit::RIG);
+    }
     if stop.load(Ordering::Relaxed) {
         super::note("stopped; go on with --resume");
         return Ok(exit::ABORTED);
@@ -223,9 +238,9 @@ fn conduct(
 }
 
 /// The station with its gate and its calibration, as the block of the header.
-fn station(args: &BatchArgs, plan: &Plan) -> Result<Option<serde_json::Value>, CliError> {
+fn station(args: &BatchArgs, plan: &Plan) -> Result<(Option<Station>, Option<serde_json::Value>), CliError> {
     let Some(path) = &args.station else {
-        return Ok(args.operator.as_ref().map(|operator| serde_json::json!({ "operator": operator })));
+        return Ok((None, args.operator.as_ref().map(|operator| serde_json::json!({ "operator": operator }))));
     };
     let station = Station::load(path).map_err(failed)?;
     let mut overrides = Vec::new();
@@ -246,7 +261,8 @@ fn station(args: &BatchArgs, plan: &Plan) -> Result<Option<serde_json::Value>, C
     }
     let checks = master::read(&master::log_path(path)).map_err(failed)?;
     master::open(&station, &checks, &plan.sha256, args.rig.sim, jiff::Timestamp::now()).map_err(failed)?;
-    Ok(Some(station.provenance(args.operator.as_deref(), &overrides)))
+    let block = station.provenance(args.operator.as_deref(), &overrides);
+    Ok((Some(station), Some(block)))
 }
 
 /// The valves of the batch; `None` where they are entered one by one.
@@ -352,39 +368,6 @@ fn remaining(valves: Vec<Dut>, loaded: &Loaded, retry: &Retry, retest: bool) -> 
         }
     };
     valves.into_iter().enumerate().filter_map(job).collect()
-}
-
-/// The record of an attempt whose process ended before it did.
-fn aborted(plan: &Plan, rig: &crate::rig::RigIdentity, interrupted: &Interrupted, simulated: bool) -> TestRecord {
-    let phase = |p: &crate::plan::Phase| PhaseRecord {
-        name: p.name.clone(),
-        role: p.role.name().into(),
-        outcome: Outcome::NotRun,
-        reason: Some("the attempt was interrupted; what it measured was not stored".into()),
-        span_s: None,
-        measurements: Vec::new(),
-    };
-    TestRecord {
-        schema: "hil.record/1".into(),
-        plan: PlanIdentity {
-            name: plan.name.clone(),
-            sha256: plan.sha256.clone(),
-            parameters: plan.parameters.clone(),
-            overridden: plan.overridden.clone(),
-        },
-        dut: interrupted.dut.clone(),
-        rig: rig.clone(),
-        simulated,
-        seed: 0,
-        outcome: Outcome::Aborted,
-        reasons: vec![format!("interrupted: begun at {}, and the process ended before the record was stored", interrupted.at)],
-        phases: plan.phases.iter().map(phase).collect(),
-        timing: Timing { period_s: plan.period_s, ..Timing::default() },
-        stability: None,
-        model: None,
-        safe_state: None,
-        provenance: None,
-    }
 }
 
 /// The present, as the journal writes it.

@@ -1,22 +1,28 @@
 //! What the attempts of a batch run on: threads of a simulation, or the sites of a bench.
 
+use std::io::{BufRead, IsTerminal};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 
 use super::batch::ValveReports;
 use super::batch_folder::attempt_folder;
+use super::on_wire::{self, WireArgs};
 use super::run::{believed, load_valve};
-use super::{CliError, run_folder};
+use super::{CliError, exit, run_folder};
 use crate::batch::BatchError;
-use crate::batch::campaign::{Job, Worker};
+use crate::batch::campaign::{Job, Retry, Worker};
 use crate::batch::population::{Population, valve_seed};
+use crate::batch::station::Station;
 use crate::plan::Plan;
-use crate::record::{Outcome, Provenance, TestRecord, Trace};
+use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, Provenance, TestRecord, Timing, Trace};
 use crate::rig::RigIdentity;
+use crate::rig::profile::{Profile, TransportKind};
 use crate::rig::simulated::SimulatedRig;
 use crate::runner::{self, Prepared, RunOptions};
+use crate::units::Current;
 use crate::valve::Valve;
 
 /// Where and on what is tested.
@@ -25,7 +31,13 @@ pub struct RigArgs {
     /// Run on simulated valves.
     #[arg(long)]
     pub sim: bool,
-    /// Valve file, or the bare name of one in valves/: the valve that is simulated, and the middle of the population.
+    /// Driver and line.
+    #[command(flatten)]
+    pub wire: WireArgs,
+    /// A further site with the same driver: its serial port or HOST:PORT. Sites test at once, unless the station's supply is shared.
+    #[arg(long = "site", value_name = "PLACE", requires = "driver", help_heading = "Hardware")]
+    pub sites: Vec<String>,
+    /// Valve file, or the bare name of one in valves/: what is simulated, the middle of the population, what the controller believes in.
     #[arg(long)]
     pub valve: Option<String>,
 }
@@ -41,29 +53,34 @@ pub struct Setup {
     identity: RigIdentity,
     population: Option<Population>,
     seed: u64,
-    simulated: bool,
+    /// Driver and line of each site; empty in a simulation.
+    sites: Vec<WireArgs>,
+    supply: Option<Mutex<()>>,
 }
 
 impl Setup {
-    /// Checks plan, valve and model against each other before anything moves.
-    pub fn new(args: &RigArgs, plan: Plan, population: Option<Population>, seed: u64) -> Result<Self, CliError> {
-        let (valve, path) = load_valve(args.valve.as_deref().or(plan.model.as_deref()).unwrap_or("paper"))?;
+    /// Checks plan, valve, model and profile against each other before anything moves.
+    pub fn new(args: &RigArgs, plan: Plan, population: Option<Population>, seed: u64, station: Option<&Station>) -> Result<Self, CliError> {
+        if !args.sim && args.wire.driver.is_none() {
+            return Err(CliError::usage("say on what: --sim, or --driver PROFILE with --port DEV or --tcp HOST:PORT"));
+        }
+        let (valve, path) = load_valve(args.valve.as_deref().or(plan.valve.as_deref()).unwrap_or("paper"))?;
         let model = believed(&plan, &valve)?;
         plan.check_valve(&model).and_then(|()| plan.check_valve(&valve)).map_err(CliError::input)?;
-        let bytes = std::fs::read(&path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
-        let identity = RigIdentity {
-            kind: "sim".into(),
-            name: path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
-            sha256: super::batch::hex(&bytes),
-            details: Vec::new(),
+        let sites = sites(args, station)?;
+        let identity = match &args.wire.driver {
+            Some(driver) => driver_identity(driver)?,
+            None => RigIdentity { kind: "sim".into(), name: file_name(&path), sha256: sha256(&path)?, details: Vec::new() },
         };
         let prepared = Prepared::new(&plan, &model);
-        Ok(Self { plan, model, valve, prepared, identity, population, seed, simulated: args.sim })
+        let shared = station.and_then(|s| s.supply.as_ref()).is_some_and(|s| s.shared);
+        let supply = shared.then(Mutex::default);
+        Ok(Self { plan, model, valve, prepared, identity, population, seed, sites, supply })
     }
 
     /// Whether the valves are simulated.
     pub fn simulated(&self) -> bool {
-        self.simulated
+        self.sites.is_empty()
     }
 
     /// What the rig is.
@@ -71,70 +88,165 @@ impl Setup {
         self.identity.clone()
     }
 
-    /// Simulates one attempt on the valve at `position` of the population.
-    pub fn simulate(
-        &self,
-        position: usize,
-        attempt: u32,
-        dut: &crate::record::Dut,
-        stop: Option<&AtomicBool>,
-    ) -> Result<(TestRecord, Trace), BatchError> {
+    /// One attempt: on the valve at `position` of the population, or on the one that is mounted on `site`. A rig that fails gives a
+    /// record that says so.
+    pub fn attempt(&self, site: usize, position: usize, attempt: u32, dut: &Dut) -> Result<(TestRecord, Trace), BatchError> {
+        // The noise of a further attempt is other noise on the same valve.
+        let seed = valve_seed(valve_seed(self.seed, position), attempt as usize);
+        let Some(wire) = self.sites.get(site) else { return self.simulate(position, seed, dut) };
+        // Sites on one supply take turns: a flow that starves the neighbour would be measured as his fault.
+        let _turn = self.supply.as_ref().map(|s| s.lock().unwrap_or_else(PoisonError::into_inner));
+        match on_wire::run(&self.plan, &self.model, dut, seed, wire) {
+            Ok(run) => Ok((run.record, run.trace)),
+            Err(e) if e.code == exit::ABORTED => Ok((self.without_run(dut, Outcome::Aborted, e.message), Trace::default())),
+            Err(e) if e.code == exit::RIG => Ok((self.without_run(dut, Outcome::Error, e.message), Trace::default())),
+            Err(e) => Err(BatchError::Input(e.message)),
+        }
+    }
+
+    fn simulate(&self, position: usize, seed: u64, dut: &Dut) -> Result<(TestRecord, Trace), BatchError> {
         let (valve, drawn) = match &self.population {
             Some(population) => population.draw(&self.valve, self.seed, position),
             None => (self.valve.clone(), Vec::new()),
         };
-        // The noise of a further attempt is other noise on the same valve.
-        let seed = valve_seed(valve_seed(self.seed, position), attempt as usize);
         let identity = RigIdentity { details: drawn, ..self.identity.clone() };
         let mut rig = SimulatedRig::new(&valve, self.plan.period_s, Some(seed), identity).map_err(|e| BatchError::Input(e.to_string()))?;
-        let options = RunOptions { model: &self.model, dut, seed, stop, prepared: Some(&self.prepared) };
+        // A simulated valve takes milliseconds: it ends, and the campaign stops after it.
+        let options = RunOptions { model: &self.model, dut, seed, stop: None, prepared: Some(&self.prepared) };
         Ok(runner::run(&self.plan, &mut rig, &options, &mut ()))
     }
+
+    /// The record of an attempt of which there is no measurement.
+    pub fn without_run(&self, dut: &Dut, outcome: Outcome, reason: String) -> TestRecord {
+        let phase = |p: &crate::plan::Phase| PhaseRecord {
+            name: p.name.clone(),
+            role: p.role.name().into(),
+            outcome: Outcome::NotRun,
+            reason: Some("nothing of it was stored".into()),
+            span_s: None,
+            measurements: Vec::new(),
+        };
+        let plan = &self.plan;
+        TestRecord {
+            schema: "hil.record/1".into(),
+            plan: PlanIdentity {
+                name: plan.name.clone(),
+                sha256: plan.sha256.clone(),
+                parameters: plan.parameters.clone(),
+                overridden: plan.overridden.clone(),
+            },
+            dut: dut.clone(),
+            rig: self.identity(),
+            simulated: self.simulated(),
+            seed: 0,
+            outcome,
+            reasons: vec![reason],
+            phases: plan.phases.iter().map(phase).collect(),
+            timing: Timing { period_s: plan.period_s, ..Timing::default() },
+            stability: None,
+            model: None,
+            safe_state: None,
+            provenance: None,
+        }
+    }
+}
+
+/// Driver and line of each site, with the station's limit of the current.
+fn sites(args: &RigArgs, station: Option<&Station>) -> Result<Vec<WireArgs>, CliError> {
+    if args.sim {
+        return Ok(Vec::new());
+    }
+    let mut first = args.wire.clone();
+    if let Some(most) = station.and_then(|s| s.max_current) {
+        let own = first.max_current.map_or(most.value(), |m| m.value().min(most.value()));
+        first.max_current = Some(Current::new(own));
+    }
+    on_wire::endpoint(&first.port, &first.tcp, "--driver")?;
+    if !args.sites.is_empty() && first.pressure_driver.is_some() {
+        return Err(CliError::usage("--site: several sites need drivers that measure the pressure themselves"));
+    }
+    let further = args.sites.iter().map(|place| {
+        let tcp = place.contains(':') && !place.starts_with('/');
+        let (port, tcp) = if tcp { (None, Some(place.clone())) } else { (Some(PathBuf::from(place)), None) };
+        WireArgs { port, tcp, watch: false, ..first.clone() }
+    });
+    Ok(std::iter::once(first.clone()).chain(further).collect())
+}
+
+fn driver_identity(driver: &str) -> Result<RigIdentity, CliError> {
+    let path = Profile::find(driver).map_err(CliError::input)?;
+    let profile = Profile::load(&path).map_err(CliError::input)?;
+    let kind = if profile.transport.kind == TransportKind::Line { "serial" } else { "modbus" };
+    Ok(RigIdentity { kind: kind.into(), name: profile.name, sha256: sha256(&path)?, details: Vec::new() })
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn sha256(path: &Path) -> Result<String, CliError> {
+    let bytes = std::fs::read(path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
+    Ok(super::batch::hex(&bytes))
 }
 
 /// The workers of a campaign.
 pub struct Bench<'a> {
-    setup: &'a Setup,
-    dir: PathBuf,
-    reports: ValveReports,
-    workers: usize,
-    stop: &'a AtomicBool,
+    /// What all attempts share.
+    pub setup: &'a Setup,
+    /// Folder of the batch.
+    pub dir: &'a Path,
+    /// Which valves get a folder of their own.
+    pub reports: ValveReports,
+    /// Threads of a simulation.
+    pub threads: Option<usize>,
+    /// When a further attempt is made.
+    pub retry: &'a Retry,
+    /// The station, for the records.
+    pub station: Option<&'a serde_json::Value>,
+    /// Whether somebody has to mount each valve.
+    pub mounted_by_hand: bool,
+    /// Lets running attempts end and begins no other.
+    pub stop: &'a AtomicBool,
+    /// Set when the station failed for good on a valve: the next one would fare no better.
+    pub down: AtomicBool,
 }
 
-impl<'a> Bench<'a> {
-    /// Opens what is needed before the first valve.
-    pub fn open(
-        setup: &'a Setup,
-        _args: &RigArgs,
-        dir: &Path,
-        reports: ValveReports,
-        threads: Option<usize>,
-        stop: &'a AtomicBool,
-    ) -> Result<Self, CliError> {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        Ok(Self { setup, dir: dir.into(), reports, workers: threads.unwrap_or(cores).clamp(1, 256), stop })
-    }
-
+impl Bench<'_> {
     /// One worker per thread or site.
     pub fn workers(&self) -> Vec<Worker<'_>> {
-        (0..self.workers).map(|_| Box::new(|job: &Job| self.test(job)) as Worker<'_>).collect()
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let count = if self.setup.simulated() { self.threads.unwrap_or(cores).clamp(1, 256) } else { self.setup.sites.len() };
+        (0..count).map(|site| Box::new(move |job: &Job| self.test(site, job)) as Worker<'_>).collect()
     }
 
-    fn test(&self, job: &Job) -> Result<TestRecord, BatchError> {
+    fn test(&self, site: usize, job: &Job) -> Result<TestRecord, BatchError> {
+        if self.mounted_by_hand && !self.setup.simulated() && std::io::stdin().is_terminal() {
+            let mut input = std::io::stdin().lock();
+            super::note(&format!("site {}: mount {} and press Enter", site + 1, job.dut.serial));
+            input.read_line(&mut String::new()).map_err(|e| BatchError::Rig(format!("stdin: {e}")))?;
+        }
         let started = super::batch::now();
-        // A simulated valve takes milliseconds: it ends, and the campaign stops after it.
-        let stop = (!self.setup.simulated).then_some(self.stop);
-        let (mut record, trace) = self.setup.simulate(job.position, job.attempt, &job.dut, stop)?;
-        record.provenance = Some(Provenance { version: env!("CARGO_PKG_VERSION").into(), started, station: None });
+        let (mut record, trace) = self.setup.attempt(site, job.position, job.attempt, &job.dut)?;
+        if !self.setup.simulated() && self.setup.sites.len() > 1 {
+            record.rig.details.push(("site".into(), (site + 1).to_string()));
+        }
+        let further = job.attempt < self.retry.most && self.retry.after.contains(&record.outcome);
+        if record.outcome == Outcome::Error && !self.setup.simulated() && !further {
+            self.down.store(true, Ordering::Relaxed);
+            self.stop.store(true, Ordering::Relaxed);
+        }
+        let version = env!("CARGO_PKG_VERSION").to_string();
+        record.provenance = Some(Provenance { version: version.clone(), started: started.clone(), station: self.station.cloned() });
         let accepted = matches!(record.outcome, Outcome::Pass | Outcome::Marginal);
         if self.reports == ValveReports::All || (self.reports == ValveReports::Failed && !accepted) {
             let folder = self.dir.join(attempt_folder(&job.dut.serial, job.attempt));
             let stored = |e: CliError| BatchError::store(&folder, std::io::Error::other(e.message));
             run_folder::make_folder(&folder).and_then(|()| run_folder::write(&folder, &record, &trace)).map_err(stored)?;
         }
-        // What all attempts share stands once, in the plan and the model, and not in every line of the journal.
+        // What all attempts share stands once, in plan, model and head of the batch, and not in every line of the journal.
         record.stability = None;
         record.model = None;
+        record.provenance = Some(Provenance { version, started, station: None });
         Ok(record)
     }
 }

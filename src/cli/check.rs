@@ -22,7 +22,8 @@ pub struct CheckArgs {
 }
 
 /// The kinds of file that are known, by their schema key.
-const KINDS: [&str; 5] = [crate::plan::SCHEMA, "hil.valve/1", "hil.driver/1", crate::batch::station::SCHEMA, LIMITS_SCHEMA];
+const KINDS: [&str; 6] =
+    [crate::plan::SCHEMA, "hil.valve/1", "hil.driver/1", crate::batch::station::SCHEMA, crate::batch::population::SCHEMA, LIMITS_SCHEMA];
 
 /// Runs the command: every file is checked, also after one that is wrong.
 pub fn run(args: &CheckArgs) -> CliResult {
@@ -50,8 +51,14 @@ fn check(path: &Path) -> Result<String, CliError> {
             Ok(format!("driver profile `{}`", profile.name))
         }
         Some(crate::batch::station::SCHEMA) => {
-            crate::batch::station::Station::load(path).map_err(CliError::input)?;
-            Ok("station".into())
+            let station = crate::batch::station::Station::load(path).map_err(CliError::input)?;
+            let expired = station.expired(jiff::Zoned::now().date());
+            let calibration = if expired.is_empty() { "calibrated".to_string() } else { format!("EXPIRED: {}", expired.join("; ")) };
+            Ok(format!("station `{}`, {} instruments, {calibration}", station.id, station.instruments.len()))
+        }
+        Some(crate::batch::population::SCHEMA) => {
+            crate::batch::population::Population::load(path).map_err(CliError::input)?;
+            Ok("population".into())
         }
         Some(LIMITS_SCHEMA) => {
             let limits = LimitsFile::load(path).map_err(CliError::input)?;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{CliError, CliResult, exit};
+use super::{CliError, CliResult, batch_diff, exit};
 use crate::record::{TestRecord, records};
 use crate::report::diff::{RecordDiff, Tolerances, compare, different, json, markdown, text};
 use crate::units::Unit;
@@ -13,7 +13,7 @@ use crate::units::Unit;
 /// What to compare.
 #[derive(Debug, Args)]
 pub struct DiffArgs {
-    /// The record before: a record.json, a run's folder, or a folder of those
+    /// The record before: a record.json, a run's folder, or a folder of those; or the folder of a batch
     before: PathBuf,
     /// The record after
     after: PathBuf,
@@ -25,15 +25,22 @@ pub struct DiffArgs {
     format: DiffFormat,
 }
 
+/// How to print the differences.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum DiffFormat {
+pub enum DiffFormat {
+    /// For a terminal.
     Text,
+    /// For a pull request.
     Markdown,
+    /// For a program.
     Json,
 }
 
 /// Prints the differences; the exit code says whether there are any.
 pub fn run(args: &DiffArgs) -> CliResult {
+    if batch_diff::is_batch(&args.before) && batch_diff::is_batch(&args.after) {
+        return batch_diff::run(&args.before, &args.after, args.format);
+    }
     let before = records(&args.before).map_err(CliError::input)?;
     let after = records(&args.after).map_err(CliError::input)?;
     let tolerances = tolerances(&args.tolerance, before.iter().chain(&after).map(|r| &r.1))?;

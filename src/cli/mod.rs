@@ -6,6 +6,7 @@
 mod accept;
 mod batch;
 mod batch_bench;
+mod batch_diff;
 mod batch_folder;
 mod batch_prompt;
 mod challenge;
@@ -17,6 +18,8 @@ mod explain;
 mod history;
 mod identify;
 mod margins;
+mod master;
+mod msa;
 mod on_wire;
 mod progress;
 mod run;
@@ -146,6 +149,16 @@ enum Command {
         after_help = "Examples:\n  hil history --serial SIM-000017\n  hil history reports/runs --lot L7 --metric tip-in/rmse\n  hil history --outcome FAIL --since 2026-11-21"
     )]
     History(history::HistoryArgs),
+    /// Gauge R&R: how much of the spread is the measuring system's own.
+    #[command(
+        after_help = "Examples:\n  hil msa readings.csv --tolerance \"0.6 bar\"\n  hil msa plans/tipin.toml --sim --metric tip-in/steady_offset\n  hil msa plans/tipin.toml --driver drivers/emulator.toml --tcp localhost:1502 --metric tip-in/rmse --tolerance \"0.5 bar\"\n\nExit code 1 where the verdict is `unacceptable`."
+    )]
+    Msa(Box<msa::MsaArgs>),
+    /// Check a master valve, whose verdict is known, and so open the gate of production.
+    #[command(
+        after_help = "Example:\n  hil master plans/tipin.toml --station station.toml --serial MASTER-1 --driver drivers/emulator.toml --tcp localhost:1502"
+    )]
+    Master(Box<master::MasterArgs>),
     /// Make a record the accepted one of its plan, under reports/.
     #[command(after_help = "Example:\n  hil accept reports/runs/tipin")]
     Accept(accept::AcceptArgs),
@@ -181,6 +194,8 @@ pub fn main() -> u8 {
         Command::Diff(args) => diff::run(&args),
         Command::Batch(args) => batch::run(&args),
         Command::History(args) => history::run(&args),
+        Command::Msa(args) => msa::run(&args),
+        Command::Master(args) => master::run(&args),
         Command::Accept(args) => accept::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Schema(args) => schema::run(&args),

@@ -1,5 +1,7 @@
 //! Integration tests: the library and the program from outside.
 
+#[cfg(unix)]
+mod batch;
 mod blind;
 mod peers;
 mod simulate;
