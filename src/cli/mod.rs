@@ -21,6 +21,7 @@ mod margins;
 mod master;
 mod msa;
 mod on_wire;
+mod probe;
 mod progress;
 mod run;
 mod run_folder;
@@ -124,6 +125,11 @@ enum Command {
         after_help = "Examples:\n  hil emulate --valve paper --driver emulator --pty /tmp/valve\n  hil emulate --valve paper --driver emulator-tcp --tcp 127.0.0.1:1502 --fault late.toml\n\nThen, in another terminal:\n  hil run plans/tipin.toml --driver emulator --port /tmp/valve"
     )]
     Emulate(emulate::EmulateArgs),
+    /// Look at a driver: identity, readings, round-trip times, the highest loop rate.
+    #[command(
+        after_help = "Examples:\n  hil probe --driver emulator --port /tmp/valve\n  hil probe --driver beckhoff-kl2535 --tcp 192.168.0.10:502"
+    )]
+    Probe(probe::ProbeArgs),
     /// Identify a valve model from a recording.
     #[command(
         after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
@@ -189,6 +195,7 @@ pub fn main() -> u8 {
         Command::Margins(args) => margins::run(&args),
         Command::Tune(args) => tune::run(&args),
         Command::Emulate(args) => emulate::run(&args),
+        Command::Probe(args) => probe::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Diff(args) => diff::run(&args),

@@ -6,3 +6,4 @@ mod blind;
 mod peers;
 mod simulate;
 mod wire;
+mod wire_peers;

@@ -6,6 +6,7 @@ mod bus;
 mod device;
 mod endpoint;
 mod port;
+mod probe;
 mod safe;
 mod sequence;
 mod start;
@@ -14,6 +15,7 @@ pub use bus::{Bus, Incoming, Loss, Outgoing, TRACED_BYTES, TracedFrame, exceptio
 pub use device::{Device, Losses, Reading};
 pub use endpoint::{Endpoint, low_latency};
 pub use port::{BusPort, Stream};
+pub use probe::{Findings, probe};
 pub use sequence::{OutsideLimits, Sequence, rests_on_setpoint};
 
 use super::line::LineBus;

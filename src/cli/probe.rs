@@ -1,0 +1,46 @@
+//! `hil probe`: what is at the other end of a line, told to a person; nothing but zero is written.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::on_wire::{endpoint, load_profile};
+use super::{CliError, CliResult, exit};
+use crate::rig::wire::probe;
+
+/// Arguments of `hil probe`.
+#[derive(Debug, Args)]
+pub struct ProbeArgs {
+    /// Driver profile: a path, or the bare name of a file in drivers/.
+    #[arg(long, value_name = "PROFILE")]
+    driver: String,
+    /// Serial port.
+    #[arg(long, value_name = "DEV", required_unless_present = "tcp", conflicts_with = "tcp")]
+    port: Option<PathBuf>,
+    /// Host and port.
+    #[arg(long, value_name = "HOST:PORT")]
+    tcp: Option<String>,
+}
+
+/// Looks, and tells what was found.
+pub fn run(args: &ProbeArgs) -> CliResult {
+    let profile = load_profile(&args.driver)?;
+    let at = endpoint(&args.port, &args.tcp, "--driver")?;
+    let found = probe(&profile, &at).map_err(CliError::rig)?;
+    let mut text = format!("{} {} ({})\n", profile.device.vendor, profile.device.model, profile.name);
+    for (what, value) in &found.facts {
+        text.push_str(&format!("  {what:<20} {value}\n"));
+    }
+    text.push_str(&format!("  {:<20} {:.0} Hz\n", "highest loop rate", found.highest_rate_hz.floor()));
+    if !found.readings.is_empty() {
+        text.push_str("readings\n");
+        for (signal, value) in &found.readings {
+            text.push_str(&format!("  {signal:<20} {value}\n"));
+        }
+    }
+    for warning in &found.warnings {
+        text.push_str(&format!("note: {warning}\n"));
+    }
+    super::print(&text)?;
+    Ok(exit::DONE)
+}
