@@ -21,6 +21,7 @@ mod margins;
 mod master;
 mod msa;
 mod on_wire;
+mod paper;
 mod probe;
 mod progress;
 mod run;
@@ -168,6 +169,9 @@ enum Command {
     /// Make a record the accepted one of its plan, under reports/.
     #[command(after_help = "Example:\n  hil accept reports/runs/tipin")]
     Accept(accept::AcceptArgs),
+    /// Put every number of the paper beside ours; docs/paper.md is what this prints.
+    #[command(after_help = "Example:\n  hil paper > docs/paper.md")]
+    Paper(paper::PaperArgs),
     /// Explain a metric, an effect, a margin, or a key of a plan or of a valve file.
     #[command(after_help = "Examples:\n  hil explain\n  hil explain settling_time\n  hil explain \"gain margin\"")]
     Explain(explain::ExplainArgs),
@@ -204,6 +208,7 @@ pub fn main() -> u8 {
         Command::Msa(args) => msa::run(&args),
         Command::Master(args) => master::run(&args),
         Command::Accept(args) => accept::run(&args),
+        Command::Paper(args) => paper::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Completions(args) => completions::run(&args),

@@ -14,13 +14,17 @@ pub struct SchemaArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Kind {
+    Plan,
     Valve,
     Driver,
+    Limits,
 }
 
 /// Prints the schema.
 pub fn run(args: &SchemaArgs) -> CliResult {
     let schema = match args.kind {
+        Kind::Plan => schemars::schema_for!(crate::plan::PlanFile),
+        Kind::Limits => schemars::schema_for!(crate::plan::LimitsFile),
         Kind::Valve => schemars::schema_for!(crate::valve::ValveFile),
         Kind::Driver => schemars::schema_for!(crate::rig::profile::ProfileFile),
     };

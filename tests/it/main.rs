@@ -3,7 +3,9 @@
 #[cfg(unix)]
 mod batch;
 mod blind;
+mod paper;
 mod peers;
+mod shipped;
 mod simulate;
 mod wire;
 mod wire_peers;

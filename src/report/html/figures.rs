@@ -71,22 +71,32 @@ fn with_phases(mut figure: Figure, record: &TestRecord) -> Figure {
     figure
 }
 
-/// The difference that the error figure draws, with the reference read between its samples.
+/// The difference that the error figure draws.
 fn error_bar(trace: &Trace, delay_s: f64) -> Vec<f64> {
+    let reference = delayed(&trace.time_s, &trace.target_bar, delay_s);
+    trace.pressure_bar.iter().zip(reference).map(|(p, r)| p - r).collect()
+}
+
+/// `values` read `delay_s` earlier, between the samples; NaN before the first.
+fn delayed(time_s: &[f64], values: &[f64], delay_s: f64) -> Vec<f64> {
+    if delay_s == 0.0 {
+        return values.to_vec();
+    }
     let mut at = 0;
-    let last = trace.time_s.len().saturating_sub(1);
-    let difference = |(t, p): (&f64, &f64)| {
-        let asked_at = t - delay_s;
-        while at < last && trace.time_s[at + 1] <= asked_at {
+    let last = time_s.len().saturating_sub(1);
+    let read = |t: &f64| {
+        let wanted = t - delay_s;
+        while at < last && time_s[at + 1] <= wanted {
             at += 1;
         }
-        if asked_at < trace.time_s[at] || at == last {
-            return if delay_s == 0.0 { p - trace.target_bar[at] } else { f64::NAN };
+        if wanted < time_s[at] || at == last {
+            return f64::NAN;
         }
-        let part = (asked_at - trace.time_s[at]) / (trace.time_s[at + 1] - trace.time_s[at]);
-        p - (trace.target_bar[at] + part * (trace.target_bar[at + 1] - trace.target_bar[at]))
+        let part = (wanted - time_s[at]) / (time_s[at + 1] - time_s[at]);
+        // At a sample its own value counts, also where the next one is missing.
+        if part == 0.0 { values[at] } else { values[at] + part * (values[at + 1] - values[at]) }
     };
-    trace.time_s.iter().zip(&trace.pressure_bar).map(difference).collect()
+    time_s.iter().map(read).collect()
 }
 
 /// The hysteresis loop with the reference curves of the model.
@@ -95,9 +105,12 @@ pub fn loops(record: &TestRecord, trace: &Trace) -> Markup {
     if trace.time_s.is_empty() && model.is_none() {
         return html! {};
     }
-    let mut figure = Figure::new("Pressure over current", "current [A]", "pressure [bar]").height(380);
+    let delay_s = model.as_ref().map_or(0.0, |v| v.delay_s);
+    let command = delayed(&trace.time_s, &trace.current_a, delay_s);
+    let axis = if delay_s > 0.0 { format!("current, delayed by {:.0} ms [A]", delay_s * 1e3) } else { "current [A]".into() };
+    let mut figure = Figure::new("Pressure over current", axis.as_str(), "pressure [bar]").height(380);
     if !trace.time_s.is_empty() {
-        figure = figure.series("measured", Color::Measured, Stroke::Thin, trace.current_a.clone(), trace.pressure_bar.clone());
+        figure = figure.series("measured", Color::Measured, Stroke::Thin, command.clone(), trace.pressure_bar.clone());
     }
     let mut closer = None;
     if let Some(valve) = model {
@@ -112,17 +125,17 @@ pub fn loops(record: &TestRecord, trace: &Trace) -> Markup {
             .dashed("descending curve", Color::Descending, current.clone(), falling)
             .caption("The path of the samples and the reference curves of the model that the controller used.");
         let off = |curve: &dyn Fn(f64) -> f64| of(&|i| curve(i) - curves.average_at(i));
-        let sampled = trace.current_a.iter().zip(&trace.pressure_bar).map(|(i, p)| p - curves.average_at(*i)).collect();
-        let within = trace.current_a.iter().copied().filter(|i| i.is_finite());
+        let sampled = command.iter().zip(&trace.pressure_bar).map(|(i, p)| p - curves.average_at(*i)).collect();
+        let within = command.iter().copied().filter(|i| i.is_finite());
         let seen = within.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), i| (l.min(i), h.max(i)));
         closer = Some(
-            Figure::new("The same, less the average curve", "current [A]", "pressure - average [bar]")
+            Figure::new("The same, less the average curve", axis.as_str(), "pressure - average [bar]")
                 .height(380)
-                .series("measured", Color::Measured, Stroke::Thin, trace.current_a.clone(), sampled)
+                .series("measured", Color::Measured, Stroke::Thin, command.clone(), sampled)
                 .dashed("ascending curve", Color::Ascending, current.clone(), off(&|i| curves.ascending_at(i)))
                 .dashed("descending curve", Color::Descending, current, off(&|i| curves.descending_at(i)))
                 .ranges((seen.0 < seen.1).then_some(seen), None)
-                .caption("The loop magnified. The current is the command, so the delay of the valve widens a fast loop."),
+                .caption("The loop magnified. The command is delayed by the dead time of the model; what lag remains widens a fast loop."),
         );
     }
     html! {
@@ -182,4 +195,19 @@ fn model(record: &TestRecord) -> Option<Valve> {
         object => toml::to_string(object).ok()?,
     };
     Valve::from_toml(&text, "record").ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delayed_value_is_read_between_the_samples() {
+        let read = delayed(&[0.0, 1.0, 2.0, 3.0], &[0.0, 10.0, f64::NAN, 30.0], 1.0);
+        assert!(read[0].is_nan() || read[0] == 0.0);
+        assert_eq!(read[1..3], [0.0, 10.0]);
+        assert!(read[3].is_nan());
+        assert_eq!(delayed(&[0.0, 1.0, 2.0], &[0.0, 10.0, 20.0], 0.5)[1..], [5.0, 15.0]);
+        assert!(delayed(&[], &[], 1.0).is_empty());
+    }
 }

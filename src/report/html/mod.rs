@@ -33,7 +33,7 @@ pub fn html(record: &TestRecord, trace: &Trace) -> String {
         (figures::timing(record))
         h2 { "What ran" }
         (tables::identity(record))
-        footer { "Written from the record alone (" code { (record.schema) } "): nothing on this page was computed elsewhere or fetched." }
+        footer { "A view of one record (" code { (record.schema) } "). The page is complete in itself: nothing is fetched." }
     };
     super::page(&format!("{} on {}: {}", record.plan.name, record.dut.serial, format::outcome(record.outcome)), &body)
 }

@@ -61,7 +61,12 @@ fn axes(figure: &Figure) -> (Axis, Axis) {
     let xs = xs.chain(figure.markers.iter().filter_map(|m| m.x));
     let ys = figure.series.iter().flat_map(|s| s.y.iter().copied().chain((s.stroke == Stroke::Bars).then_some(0.0)));
     let ys = ys.chain(figure.markers.iter().filter_map(|m| m.y));
-    (Axis::over(xs, figure.x_range, figure.x_scale, 0.0), Axis::over(ys, figure.y_range, figure.y_scale, 0.05))
+    let mut y = Axis::over(ys, figure.y_range, figure.y_scale, 0.05);
+    if figure.y_range.is_none() && y.scale == super::Scale::Linear && figure.bands.iter().any(|b| b.vertical && !b.label.is_empty()) {
+        // Room for the labels of the bands above the curves.
+        y.to += 18.0 / f64::from(figure.height_px.max(100)) * (y.to - y.from);
+    }
+    (Axis::over(xs, figure.x_range, figure.x_scale, 0.0), y)
 }
 
 fn percent(place: f64) -> String {
