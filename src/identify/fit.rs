@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::model::Shape;
 use super::segment::Segment;
+use crate::valve::ReferenceCurves;
 
 /// Points of the range at which the curves are kept rising and apart.
 const GUARDS: usize = 24;
@@ -81,11 +82,15 @@ impl<'a> Problem<'a> {
 
     /// The simulated pressure of all segments.
     pub fn simulate(&self, shape: &Shape, theta: &[f64], delayed_a: &[f64], average: bool) -> Vec<f64> {
+        self.simulate_with(shape, theta, &shape.curves(theta), delayed_a, average)
+    }
+
+    /// As [`Problem::simulate`] with the curves at hand.
+    pub fn simulate_with(&self, shape: &Shape, theta: &[f64], curves: &ReferenceCurves, delayed_a: &[f64], average: bool) -> Vec<f64> {
         let mut out = vec![0.0; self.len()];
-        let curves = shape.curves(theta);
         for (k, s) in self.segments.iter().enumerate() {
             let range = self.range(k);
-            shape.simulate(theta, &curves, s, &delayed_a[range.clone()], &mut out[range], average);
+            shape.simulate(theta, curves, s, &delayed_a[range.clone()], &mut out[range], average);
         }
         out
     }
@@ -97,6 +102,12 @@ impl<'a> Problem<'a> {
                 *o -= p;
             }
         }
+    }
+
+    /// Huber's loss of a simulated pressure [bar^2].
+    pub fn loss_of(&self, simulated: &[f64], weights: &[f64], threshold_bar: f64) -> f64 {
+        let measured = self.segments.iter().flat_map(|s| &s.pressure_bar);
+        simulated.iter().zip(measured).zip(weights).filter(|(_, w)| **w > 0.0).map(|((s, p), w)| w * loss(s - p, threshold_bar)).sum()
     }
 
     /// Huber's loss of the residual and of the guards [bar^2].

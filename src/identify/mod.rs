@@ -5,6 +5,7 @@
 //! simulation error, so that delay and loop width are told apart by whatever the recording holds: turning points,
 //! changing amplitudes, steps, different rates. The method, its sources and its limits: `docs/identify.md`.
 
+mod dynamics;
 mod error;
 mod fit;
 mod model;
@@ -52,6 +53,8 @@ pub struct Options {
 
 /// Fewest samples with current and pressure.
 const MIN_SAMPLES: usize = 50;
+/// A valve that needs more samples to settle has its covered range looked at again.
+const SETTLED_SAMPLES: usize = 10;
 /// Highest order of the curves.
 pub const MAX_ORDER: usize = 9;
 /// Share of the direction bins that both directions must cover for a hysteresis to be fitted.
@@ -66,38 +69,51 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
         return Err(IdentifyError::Option { option: "--order", problem: format!("{order} is not allowed; 1 to {MAX_ORDER} are") });
     }
     let mut segments: Vec<Segment> = recording.runs.iter().filter_map(Segment::from_run).filter(|s| s.len() >= 5).collect();
-    let survey = checked_survey(recording, &mut segments)?;
+    let mut survey = checked_survey(recording, &mut segments)?;
     let duration_s = segments.iter().map(|s| s.time_s[s.len() - 1] - s.time_s[0]).fold(0.0, f64::max);
     let step_s = segments[0].step_s;
     let longest_s = (50.0 * step_s).max(0.5).min(0.25 * duration_s);
     let problem = Problem::new(&segments, longest_s, (4.0 * longest_s).min(0.25 * duration_s), survey.span_bar);
     let weights = problem.weights();
-    let hysteresis = match options.hysteresis {
-        HysteresisChoice::Hyperbolic => true,
-        HysteresisChoice::None => false,
-        HysteresisChoice::Auto => survey.both_directions >= MIN_BOTH,
-    };
-    let levels = survey::levels(&segments, &survey);
-    let order = options.order.unwrap_or_else(|| 3.min(levels.saturating_sub(1)).max(1));
-    let shape = Shape { order, hysteresis, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar };
-    let start = start::start(&problem, &shape, &survey, &weights);
-    let (plain, limit) = select::fit_robust(&problem, &shape, &start, &weights, survey.noise_bar, &[8, 8]);
-    let mut fit = select::try_lag(&problem, plain, &weights, survey.noise_bar, limit);
+    let noise_bar = survey.noise_bar;
+    let mut fit = first_fit(&problem, &survey, options, &weights);
+    let settled = ((fit.theta[fit.shape.delay()] + 4.0 * fit.shape.lag_s(&fit.theta)) / step_s).ceil() as usize + 3;
+    if settled > SETTLED_SAMPLES {
+        // A slow valve: what looked covered may have been on its way.
+        survey.cover(&segments, settled);
+        fit = first_fit(&problem, &survey, options, &weights);
+    }
     let mut orders = Vec::new();
     if options.order.is_none() {
-        let limit = select::threshold(&fit.residual_bar, &weights, survey.noise_bar);
-        let largest = levels.saturating_sub(1).max(1);
+        let limit = select::threshold(&fit.residual_bar, &weights, noise_bar);
+        let largest = survey::levels(&segments, &survey).saturating_sub(1).max(1);
         let (order, tried) = select::choose_order(&problem, &fit, &weights, limit, largest);
         orders = tried;
         let shape = Shape { order, ..fit.shape.clone() };
         fit.theta = fit.shape.convert(&fit.theta, &shape, 0.0);
         fit.shape = shape;
+        fit = dynamics::refine(&problem, &fit, &survey, &weights, limit);
     }
-    let (fit, limit) = select::fit_robust(&problem, &fit.shape, &fit.theta, &weights, survey.noise_bar, &[10, 10]);
+    let (fit, limit) = select::fit_robust(&problem, &fit.shape, &fit.theta, &weights, noise_bar, &[10, 10]);
     if !fit.theta.iter().all(|t| t.is_finite()) || !fit.cost.is_finite() {
         return Err(IdentifyError::NotFinite { source_name: recording.source.clone() });
     }
     Ok(outcome::outcome(recording, options, &problem, &survey, &fit, limit, orders))
+}
+
+/// A fit with curves of the order given, or of order 3 as in the paper, with delay and lag found.
+fn first_fit(problem: &Problem<'_>, survey: &survey::Survey, options: &Options, weights: &[f64]) -> fit::Fit {
+    let hysteresis = match options.hysteresis {
+        HysteresisChoice::Hyperbolic => true,
+        HysteresisChoice::None => false,
+        HysteresisChoice::Auto => survey.both_directions >= MIN_BOTH,
+    };
+    let levels = survey::levels(problem.segments, survey);
+    let order = options.order.unwrap_or_else(|| 3.min(levels.saturating_sub(1)).max(1));
+    let shape = Shape { order, hysteresis, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar };
+    let start = start::start(problem, &shape, survey, weights);
+    let (plain, limit) = select::fit_robust(problem, &shape, &start, weights, survey.noise_bar, &[8, 8]);
+    dynamics::refine(problem, &plain, survey, weights, limit)
 }
 
 /// The survey, after everything is refused from which nothing can be identified.

@@ -91,6 +91,27 @@ impl Shape {
         out
     }
 
+    /// The loop narrowed as it must be when the pressure answers `later_s` later than before and the current moves
+    /// at `rate_a_per_s`: on a ramp, delay and half-width trade places.
+    pub fn narrowed(&self, theta: &[f64], rate_a_per_s: f64, later_s: f64) -> Vec<f64> {
+        let mut out = theta.to_vec();
+        if !self.hysteresis {
+            return out;
+        }
+        let curve = self.order + 1;
+        // Derivative of the mean curve as a Chebyshev series.
+        let mut slope = vec![0.0; curve + 2];
+        for k in (1..curve).rev() {
+            slope[k - 1] = slope[k + 1] + 2.0 * k as f64 * theta[k];
+        }
+        slope[0] *= 0.5;
+        let per_a = 2.0 / (self.range_a.1 - self.range_a.0);
+        for k in 0..curve {
+            out[curve + k] -= slope[k] * per_a * rate_a_per_s * later_s;
+        }
+        out
+    }
+
     /// Simulates a segment whose delayed current is `delayed_a`; `average` follows the mean of the curves, Eq. (10).
     pub fn simulate(&self, theta: &[f64], curves: &ReferenceCurves, segment: &Segment, delayed_a: &[f64], out: &mut [f64], average: bool) {
         if self.hysteresis && !average {

@@ -225,7 +225,7 @@ fn rmse(problem: &Problem<'_>, simulated: &[f64], weights: &[f64]) -> f64 {
 
 /// R^2 of the simulation above the floor, for rising and for falling current.
 fn branches(problem: &Problem<'_>, survey: &Survey, delayed: &[f64], simulated: &[f64]) -> (Option<f64>, Option<f64>) {
-    let above = survey.floor_bar.map_or(f64::NEG_INFINITY, |f| f + 4.0 * survey.noise_bar);
+    let above = survey.above_bar();
     let mut sums = [[0.0f64; 4]; 2];
     for (k, s) in problem.segments.iter().enumerate() {
         let range = problem.range(k);

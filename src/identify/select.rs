@@ -1,22 +1,28 @@
-//! Which parameters the data carry: a lag or none, the order of the curves by held-out error.
+//! Robust rounds of the fit, and the order of the curves by held-out error.
 
 use super::fit::{Fit, Problem, loss, robust_sigma};
 use super::model::Shape;
 
 /// Huber's threshold in robust deviations of the residual: a step that the model misses stays in, with less weight.
-const THRESHOLD_SIGMAS: f64 = 4.0;
+const THRESHOLD_SIGMAS: f64 = 25.0;
+/// And at least this many root mean squares: in a step test the steps are the information.
+const THRESHOLD_RMS: f64 = 2.0;
 /// Orders of the curves that are tried.
 const ORDERS: std::ops::RangeInclusive<usize> = 1..=7;
 /// A higher order must lower the held-out loss by this share.
 const ORDER_GAIN: f64 = 0.01;
 /// Blocks into which a recording is cut for the held-out error.
 const BLOCKS: usize = 40;
-/// Gain in the Bayesian information criterion that a lag must bring: "strong" (Kass and Raftery 1995).
-const LAG_GAIN: f64 = 6.0;
 
 /// Huber's threshold for a residual [bar].
 pub(super) fn threshold(residual: &[f64], weights: &[f64], noise_bar: f64) -> f64 {
-    THRESHOLD_SIGMAS * robust_sigma(residual, weights).max(noise_bar).max(1e-9)
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (r, _) in residual.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
+        sum += r * r;
+        count += 1.0;
+    }
+    let rms = f64::sqrt(sum / f64::max(count, 1.0));
+    (THRESHOLD_SIGMAS * robust_sigma(residual, weights).max(noise_bar)).max(THRESHOLD_RMS * rms).max(1e-9)
 }
 
 /// Rounds of fit and new threshold.
@@ -70,30 +76,6 @@ pub(super) fn correlation_time(problem: &Problem<'_>, residual: &[f64], weights:
         lag += width;
     }
     time
-}
-
-/// Adds a lag to the model where the data show one beyond doubt.
-pub(super) fn try_lag(problem: &Problem<'_>, plain: Fit, weights: &[f64], noise_bar: f64, limit: f64) -> Fit {
-    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
-    let shape = Shape { lag: true, ..plain.shape.clone() };
-    let delay_s = plain.theta[plain.shape.delay()];
-    let starts = [(0.8, 0.3), (0.5, 0.6), (0.2, 1.0), (1.0, 0.2), (0.8, 2.0), (0.5, 5.0)];
-    let mut best: Option<Fit> = None;
-    for (share, lag_share) in starts {
-        let mut theta = plain.shape.convert(&plain.theta, &shape, (lag_share * delay_s).max(0.5 * step_s));
-        theta[shape.delay()] = share * delay_s;
-        let fit = problem.minimise(&shape, &theta, weights, limit, 2);
-        if best.as_ref().is_none_or(|b| fit.cost < b.cost) {
-            best = Some(fit);
-        }
-    }
-    let Some(best) = best else { return plain };
-    let lagged = problem.minimise(&shape, &best.theta, weights, limit, 15);
-    let n = weights.iter().filter(|w| **w > 0.0).count() as f64;
-    let independent = n / correlation_time(problem, &lagged.residual_bar, weights, limit);
-    let gain = independent * (plain.cost / lagged.cost).ln() - independent.max(2.0).ln();
-    let lag_s = lagged.shape.lag_s(&lagged.theta);
-    if gain > LAG_GAIN && lag_s > 0.05 * step_s { fit_robust(problem, &shape, &lagged.theta, weights, noise_bar, &[10]).0 } else { plain }
 }
 
 /// Held-out error of one order.

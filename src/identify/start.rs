@@ -4,7 +4,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{Problem, loss};
+use super::fit::Problem;
 use super::model::{Shape, chebyshev};
 use super::survey::{Survey, play};
 
@@ -27,7 +27,7 @@ fn delays(limit_steps: f64) -> Vec<f64> {
 /// A start for the `shape` (without lag): the best of the row of delays, then the best `a`.
 pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weights: &[f64]) -> Vec<f64> {
     let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
-    let above = survey.floor_bar.map_or(f64::NEG_INFINITY, |f| f + 4.0 * survey.noise_bar);
+    let above = survey.above_bar();
     let mut best: Option<(f64, f64, Vec<f64>)> = None;
     for d in delays(problem.delay_max_s / step_s) {
         if let Some((cost, curve)) = linear(problem, shape, d * step_s, weights, above)
@@ -54,9 +54,7 @@ pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weigh
         theta.push((share * half * half).ln());
         theta.push(delay_s);
         let simulated = problem.simulate(shape, &theta, &problem.delayed(delay_s), false);
-        let measured = problem.segments.iter().flat_map(|s| &s.pressure_bar);
-        let cost: f64 =
-            simulated.iter().zip(measured).zip(weights).filter(|(_, w)| **w > 0.0).map(|((s, p), w)| w * loss(s - p, threshold)).sum();
+        let cost = problem.loss_of(&simulated, weights, threshold);
         if chosen.as_ref().is_none_or(|c| cost < c.0) {
             chosen = Some((cost, theta));
         }

@@ -77,43 +77,60 @@ pub(super) fn survey(segments: &mut [Segment]) -> Survey {
             }
         }
     }
-    let above = floor_bar.map_or(f64::NEG_INFINITY, |f| f + (4.0 * noise_bar).max(0.003 * span_bar));
-    let tolerance = (6.0 * noise_bar).max(0.015 * span_bar);
-    let steady_of = |s: &Segment| -> Vec<bool> { (0..s.len()).map(|k| s.weight[k] > 0.0 && is_steady(s, k, tolerance)).collect() };
-    let steady: Vec<Vec<bool>> = segments.iter().map(steady_of).collect();
-    let steady_count = steady.iter().flatten().filter(|s| **s).count();
-    let enough = steady_count * 10 > samples;
-    let (mut lows, mut highs) = (Vec::new(), Vec::new());
-    for (s, steady) in segments.iter().zip(&steady) {
-        for k in used(s).filter(|k| s.pressure_bar[*k] > above && (steady[*k] || !enough)) {
-            // The pressure answers the current of a moment ago: take the widest current of the last samples.
-            let recent = &s.current_a[k.saturating_sub(2 * STEADY_HALF_WINDOW)..=k];
-            lows.push(recent.iter().copied().fold(f64::NEG_INFINITY, f64::max));
-            highs.push(recent.iter().copied().fold(f64::INFINITY, f64::min));
-        }
-    }
-    let (lows, highs) = (sorted(lows), sorted(highs));
-    let mut covered_a = (quantile(&lows, 0.001), quantile(&highs, 0.999));
-    if covered_a.0.partial_cmp(&covered_a.1) != Some(std::cmp::Ordering::Less) {
-        covered_a = recorded_a;
-    }
-    let directions = directions(segments, covered_a, above);
-    Survey {
+    let mut survey = Survey {
         span_bar,
         noise_bar,
         floor_bar,
         ceiling_bar,
         recorded_a,
-        covered_a,
+        covered_a: recorded_a,
         outliers,
         on_ceiling,
-        steady: steady_count,
+        steady: 0,
         samples,
-        both_directions: directions.0,
+        both_directions: 0,
         rate_a_per_s: rate(segments, recorded_a),
-        reversals: directions.1,
+        reversals: 0,
         steps: segments.iter().map(|s| jumps(&s.current_a, 0.05 * (recorded_a.1 - recorded_a.0))).sum(),
+    };
+    survey.cover(segments, 2 * STEADY_HALF_WINDOW);
+    survey
+}
+
+impl Survey {
+    /// Pressure above which a sample shows a curve and not the floor [bar].
+    pub fn above_bar(&self) -> f64 {
+        self.floor_bar.map_or(f64::NEG_INFINITY, |f| f + (4.0 * self.noise_bar).max(0.003 * self.span_bar))
     }
+
+    /// Finds the range of current in which the curves can be seen, where the pressure answers the current of up to
+    /// `settled` samples ago.
+    pub fn cover(&mut self, segments: &[Segment], settled: usize) {
+        let above = self.above_bar();
+        let tolerance = (6.0 * self.noise_bar).max(0.015 * self.span_bar);
+        let steady_of = |s: &Segment| -> Vec<bool> { (0..s.len()).map(|k| s.weight[k] > 0.0 && is_steady(s, k, tolerance)).collect() };
+        let steady: Vec<Vec<bool>> = segments.iter().map(steady_of).collect();
+        self.steady = steady.iter().flatten().filter(|s| **s).count();
+        let enough = self.steady * 10 > self.samples;
+        let (mut lows, mut highs) = (Vec::new(), Vec::new());
+        for (s, steady) in segments.iter().zip(&steady) {
+            let (recent_highest, recent_lowest) = (trailing(&s.current_a, settled, f64::max), trailing(&s.current_a, settled, f64::min));
+            for k in used(s).filter(|k| s.pressure_bar[*k] > above && (steady[*k] || !enough)) {
+                lows.push(recent_highest[k]);
+                highs.push(recent_lowest[k]);
+            }
+        }
+        let (lows, highs) = (sorted(lows), sorted(highs));
+        let covered = (quantile(&lows, 0.001), quantile(&highs, 0.999));
+        let wide = covered.0.partial_cmp(&covered.1) == Some(std::cmp::Ordering::Less);
+        self.covered_a = if wide { covered } else { self.recorded_a };
+        (self.both_directions, self.reversals) = directions(segments, self.covered_a, above);
+    }
+}
+
+/// The extreme of the last `count` samples and the present one.
+fn trailing(values: &[f64], count: usize, extreme: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    (0..values.len()).map(|k| values[k.saturating_sub(count)..=k].iter().copied().fold(values[k], &extreme)).collect()
 }
 
 /// The samples that count.
@@ -275,7 +292,7 @@ fn jumps(current_a: &[f64], size_a: f64) -> usize {
 pub(super) fn levels(segments: &[Segment], survey: &Survey) -> usize {
     const BINS: usize = 100;
     let (low, high) = survey.covered_a;
-    let above = survey.floor_bar.map_or(f64::NEG_INFINITY, |f| f + 4.0 * survey.noise_bar);
+    let above = survey.above_bar();
     let mut seen = [0usize; BINS + 1];
     for s in segments {
         for k in used(s).filter(|k| s.pressure_bar[*k] > above) {
