@@ -31,6 +31,9 @@ pub struct IdentifyArgs {
     /// Take a channel from a foreign column: current_a="I_cmd [mA]", current_a="0.01 * duty_pct".
     #[arg(long, value_name = "CH=EXPR")]
     map: Vec<String>,
+    /// Write a page with loop, residuals and parameters here.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
     /// Format of what is printed.
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -68,6 +71,9 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
     })?;
     if let Some(path) = &args.output {
         store(path, &found.valve.to_toml())?;
+    }
+    if let Some(path) = &args.report {
+        store(path, &report::identify::html(&found))?;
     }
     match args.format {
         Format::Json => super::print(&report::identify::json(&found))?,

@@ -16,9 +16,10 @@ mod start;
 mod survey;
 mod uncertainty;
 mod warnings;
+mod windows;
 
 pub use error::IdentifyError;
-pub use outcome::{Identified, Parameter, Trace};
+pub use outcome::{DrawnCurves, Identified, Parameter, Trace};
 pub use select::OrderError;
 
 use crate::recording::Recording;
@@ -68,8 +69,9 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
     if let Some(order) = options.order.filter(|o| !(1..=MAX_ORDER).contains(o)) {
         return Err(IdentifyError::Option { option: "--order", problem: format!("{order} is not allowed; 1 to {MAX_ORDER} are") });
     }
-    let mut segments: Vec<Segment> = recording.runs.iter().filter_map(Segment::from_run).filter(|s| s.len() >= 5).collect();
+    let (mut segments, whole) = windows::segments(recording);
     let mut survey = checked_survey(recording, &mut segments)?;
+    survey.recorded_a = windows::range(recording);
     let duration_s = segments.iter().map(|s| s.time_s[s.len() - 1] - s.time_s[0]).fold(0.0, f64::max);
     let step_s = segments[0].step_s;
     let longest_s = (50.0 * step_s).max(0.5).min(0.25 * duration_s);
@@ -98,7 +100,8 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
     if !fit.theta.iter().all(|t| t.is_finite()) || !fit.cost.is_finite() {
         return Err(IdentifyError::NotFinite { source_name: recording.source.clone() });
     }
-    Ok(outcome::outcome(recording, options, &problem, &survey, &fit, limit, orders))
+    let data = outcome::Data { recording, whole, problem: &problem, survey: &survey };
+    Ok(outcome::outcome(&data, options, &fit, limit, orders))
 }
 
 /// A fit with curves of the order given, or of order 3 as in the paper, with delay and lag found.
@@ -140,3 +143,6 @@ fn checked_survey(recording: &Recording, segments: &mut [Segment]) -> Result<sur
     }
     Ok(found)
 }
+
+#[cfg(test)]
+mod tests;

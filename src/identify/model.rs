@@ -117,7 +117,9 @@ impl Shape {
         if self.hysteresis && !average {
             let first = delayed_a[0];
             let (low, high) = (curves.ascending_at(first), curves.descending_at(first));
-            let start = segment.start_bar.max(low.min(high)).min(high.max(low));
+            // At the floor the measured pressure says nothing of the state: the average, as a simulation starts.
+            let hidden = self.floor_bar.is_some_and(|f| segment.start_bar < f + 0.01 * (curves.average_at(self.range_a.1) - f));
+            let start = if hidden { 0.5 * (low + high) } else { segment.start_bar.max(low.min(high)).min(high.max(low)) };
             hyperbola_stretches(curves, self.a_bar2(theta), start, delayed_a, out);
         } else {
             for (o, i) in out.iter_mut().zip(delayed_a) {

@@ -5,10 +5,10 @@ use super::model::powers;
 use super::select::OrderError;
 use super::survey::{Survey, play};
 use super::uncertainty::{covariance, error_of};
-use super::{Options, warnings};
+use super::{Options, warnings, windows};
 use crate::recording::Recording;
 use crate::units::{self, Current, Pressure};
-use crate::valve::{Hysteresis, Identification, ParameterEstimate, Valve};
+use crate::valve::{Hysteresis, Identification, ParameterEstimate, ReferenceCurves, Valve};
 
 /// A parameter with its uncertainty.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +36,19 @@ pub struct Trace {
     pub measured_bar: Vec<f64>,
     /// Simulated pressure [bar].
     pub simulated_bar: Vec<f64>,
+    /// Simulated minus measured pressure [bar].
+    pub residual_bar: Vec<f64>,
+}
+
+/// The fitted curves, drawn over their range.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrawnCurves {
+    /// Current [A].
+    pub current_a: Vec<f64>,
+    /// Ascending curve [bar].
+    pub ascending_bar: Vec<f64>,
+    /// Descending curve [bar].
+    pub descending_bar: Vec<f64>,
 }
 
 /// An identified model.
@@ -63,19 +76,26 @@ pub struct Identified {
     pub notes: Vec<String>,
     /// What the data cannot carry.
     pub warnings: Vec<String>,
+    /// The curves for a report.
+    pub curves: DrawnCurves,
     /// Measured and simulated pressure for a report.
     pub traces: Vec<Trace>,
 }
 
-pub(super) fn outcome(
-    recording: &Recording,
-    options: &Options,
-    problem: &Problem<'_>,
-    survey: &Survey,
-    fit: &Fit,
-    limit: f64,
-    orders: Vec<OrderError>,
-) -> Identified {
+/// What was fitted to.
+pub(super) struct Data<'a> {
+    /// The recording.
+    pub recording: &'a Recording,
+    /// Whether the problem holds the whole recording.
+    pub whole: bool,
+    /// The fitted segments.
+    pub problem: &'a Problem<'a>,
+    /// What was found in them.
+    pub survey: &'a Survey,
+}
+
+pub(super) fn outcome(data: &Data<'_>, options: &Options, fit: &Fit, limit: f64, orders: Vec<OrderError>) -> Identified {
+    let Data { recording, whole, problem, survey } = *data;
     let shape = &fit.shape;
     let weights = problem.weights();
     let (covariance, time) = covariance(problem, fit, &weights, limit);
@@ -105,10 +125,13 @@ pub(super) fn outcome(
     };
     let ones: Vec<f64> =
         problem.segments.iter().flat_map(|s| s.pressure_bar.iter().map(|p| if p.is_finite() { 1.0 } else { 0.0 })).collect();
-    let rmse_bar = rmse(problem, &simulated, &ones);
-    let rmse_average_model_bar = rmse(problem, &average, &ones);
+    let (rmse_bar, rmse_average_model_bar) =
+        if whole { (rmse(problem, &simulated, &ones), rmse(problem, &average, &ones)) } else { rmse_of_all(recording, fit) };
     let (r2_ascending, r2_descending) = branches(problem, survey, &delayed, &simulated);
-    let notes = warnings::notes(recording, problem, survey, fit, &valve);
+    let mut notes = warnings::notes(recording, survey, fit, &valve);
+    if !whole {
+        notes.push(warnings::windows_note(recording, problem));
+    }
     let warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
     valve.identification = Some(Identification {
         recording: recording.source.clone(),
@@ -122,6 +145,7 @@ pub(super) fn outcome(
             .collect(),
         warnings: warnings.clone(),
     });
+    let curves = valve.curves.clone();
     let traces = problem
         .segments
         .iter()
@@ -132,6 +156,7 @@ pub(super) fn outcome(
             delayed_current_a: delayed[problem.range(k)].to_vec(),
             measured_bar: s.pressure_bar.clone(),
             simulated_bar: simulated[problem.range(k)].to_vec(),
+            residual_bar: fit.residual_bar[problem.range(k)].to_vec(),
         })
         .collect();
     Identified {
@@ -146,7 +171,20 @@ pub(super) fn outcome(
         orders,
         notes,
         warnings,
+        curves: drawn(&curves),
         traces,
+    }
+}
+
+/// The curves at equal distances of the current.
+fn drawn(curves: &ReferenceCurves) -> DrawnCurves {
+    const POINTS: u32 = 200;
+    let (low, high) = curves.range_a;
+    let current_a: Vec<f64> = (0..=POINTS).map(|k| low + (high - low) * f64::from(k) / f64::from(POINTS)).collect();
+    DrawnCurves {
+        ascending_bar: current_a.iter().map(|i| curves.ascending_at(*i)).collect(),
+        descending_bar: current_a.iter().map(|i| curves.descending_at(*i)).collect(),
+        current_a,
     }
 }
 
@@ -221,6 +259,28 @@ fn rmse(problem: &Problem<'_>, simulated: &[f64], weights: &[f64]) -> f64 {
         }
     }
     if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
+}
+
+/// RMSE of the model and of the average model over every sample of a long recording [bar].
+fn rmse_of_all(recording: &Recording, fit: &Fit) -> (f64, f64) {
+    let curves = fit.shape.curves(&fit.theta);
+    let delay_s = fit.theta[fit.shape.delay()];
+    let mut sums = [0.0; 3];
+    let (mut delayed, mut out) = (Vec::new(), Vec::new());
+    windows::pieces(recording, |segment, skip| {
+        delayed.resize(segment.len(), 0.0);
+        out.resize(segment.len(), 0.0);
+        segment.delayed(delay_s, &mut delayed);
+        for (n, average) in [false, true].into_iter().enumerate() {
+            fit.shape.simulate(&fit.theta, &curves, segment, &delayed, &mut out, average);
+            for (s, p) in out.iter().zip(&segment.pressure_bar).skip(skip).filter(|(_, p)| p.is_finite()) {
+                sums[n] += (s - p) * (s - p);
+                sums[2] += 0.5;
+            }
+        }
+    });
+    let root = |sum: f64| if sums[2] > 0.0 { (sum / sums[2]).sqrt() } else { 0.0 };
+    (root(sums[0]), root(sums[1]))
 }
 
 /// R^2 of the simulation above the floor, for rising and for falling current.

@@ -27,12 +27,12 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// A segment from a run; `None` where current and pressure never stand side by side.
-    pub fn from_run(run: &Run) -> Option<Self> {
-        let pressure = run.pressure_bar.as_ref()?;
-        let first = run.current_a.iter().zip(pressure).position(|(i, p)| i.is_finite() && p.is_finite())?;
-        let time_s = run.time_s[first..].to_vec();
-        let mut current_a = run.current_a[first..].to_vec();
+    /// A segment from a part of a run; `None` where current and pressure never stand side by side in it.
+    pub fn from_run(run: &Run, part: std::ops::Range<usize>) -> Option<Self> {
+        let (current, pressure) = (&run.current_a[part.clone()], &run.pressure_bar.as_ref()?[part.clone()]);
+        let first = current.iter().zip(pressure).position(|(i, p)| i.is_finite() && p.is_finite())?;
+        let time_s = run.time_s[part][first..].to_vec();
+        let mut current_a = current[first..].to_vec();
         let mut held = current_a[0];
         for i in &mut current_a {
             if i.is_finite() {
@@ -41,7 +41,8 @@ impl Segment {
                 *i = held;
             }
         }
-        Some(Self::new(run.name.clone(), time_s, current_a, pressure[first..].to_vec(), run.step_s()))
+        let step_s = median_step(&time_s);
+        Some(Self::new(run.name.clone(), time_s, current_a, pressure[first..].to_vec(), step_s))
     }
 
     fn new(run: Option<String>, time_s: Vec<f64>, current_a: Vec<f64>, pressure_bar: Vec<f64>, step_s: f64) -> Self {
@@ -93,24 +94,37 @@ impl Segment {
         }
     }
 
-    /// A first-order lag of time constant `lag_s` over `values`, in place, exact for an input held over each step.
+    /// A first-order lag of time constant `lag_s` over `values`, in place, settled at the first: exact for an input
+    /// that is linear over each step, as the current is.
     pub fn lagged(&self, lag_s: f64, values: &mut [f64]) {
         if lag_s <= 0.0 {
             return;
         }
-        let (mut step, mut share) = (f64::NAN, 0.0);
         let Some((first, rest)) = values.split_first_mut() else { return };
-        let mut y = *first;
+        let (mut before, mut y) = (*first, *first);
+        let (mut step, mut decay, mut mean) = (f64::NAN, 0.0, 0.0);
         for (value, t) in rest.iter_mut().zip(self.time_s.windows(2)) {
             let h = if self.uniform { self.step_s } else { t[1] - t[0] };
             if h != step {
-                step = h;
-                share = -(-h / lag_s).exp_m1();
+                let ratio = h / lag_s;
+                (step, decay, mean) = (h, (-ratio).exp(), -(-ratio).exp_m1() / ratio);
             }
-            y += share * (*value - y);
+            let now = *value;
+            y = decay * y + ((mean - decay) * before + (1.0 - mean) * now);
+            before = now;
             *value = y;
         }
     }
+}
+
+/// Median step [s]; 0 for fewer than two times.
+fn median_step(time_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
+    if steps.is_empty() {
+        return 0.0;
+    }
+    let middle = steps.len() / 2;
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]
@@ -118,8 +132,9 @@ mod tests {
     use super::*;
 
     fn segment(time_s: Vec<f64>, current_a: Vec<f64>) -> Segment {
-        let pressure = vec![1.0; time_s.len()];
-        Segment::from_run(&Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() }).unwrap()
+        let n = time_s.len();
+        let run = Run { time_s, current_a, pressure_bar: Some(vec![1.0; n]), ..Run::default() };
+        Segment::from_run(&run, 0..n).unwrap()
     }
 
     #[test]
@@ -156,6 +171,8 @@ mod tests {
         let mut values = vec![1.0; 200];
         values[0] = 0.0;
         s.lagged(0.05, &mut values);
-        assert!((values[50] - (1.0 - (-1.0f64).exp())).abs() < 1e-12);
+        // The input rises over the first step, so the answer is that of a step at its middle but for second order.
+        let expected = |at_s: f64| 1.0 - (-at_s / 0.05f64).exp();
+        assert!((values[50] - expected(0.0495)).abs() < 1e-5, "{}", values[50]);
     }
 }

@@ -8,9 +8,9 @@ const THRESHOLD_SIGMAS: f64 = 25.0;
 /// And at least this many root mean squares: in a step test the steps are the information.
 const THRESHOLD_RMS: f64 = 2.0;
 /// Orders of the curves that are tried.
-const ORDERS: std::ops::RangeInclusive<usize> = 1..=7;
+const ORDERS: std::ops::RangeInclusive<usize> = 1..=8;
 /// A higher order must lower the held-out loss by this share.
-const ORDER_GAIN: f64 = 0.01;
+const ORDER_GAIN: f64 = 0.004;
 /// Blocks into which a recording is cut for the held-out error.
 const BLOCKS: usize = 40;
 

@@ -121,11 +121,18 @@ impl Survey {
             }
         }
         let (lows, highs) = (sorted(lows), sorted(highs));
-        let covered = (quantile(&lows, 0.001), quantile(&highs, 0.999));
+        let covered = (nth(&lows, lows.len() / 1000), nth(&highs, highs.len().saturating_sub(1 + highs.len() / 1000)));
         let wide = covered.0.partial_cmp(&covered.1) == Some(std::cmp::Ordering::Less);
         self.covered_a = if wide { covered } else { self.recorded_a };
         (self.both_directions, self.reversals) = directions(segments, self.covered_a, above);
     }
+}
+
+/// The value at a rank, at least four samples away from both ends, so that a straggler decides nothing.
+fn nth(sorted: &[f64], rank: usize) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    let margin = 4.min(last / 2);
+    sorted.get(rank.clamp(margin, last - margin)).copied().unwrap_or(f64::NAN)
 }
 
 /// The extreme of the last `count` samples and the present one.
@@ -218,7 +225,11 @@ fn ceiling(segments: &[Segment], pressures: &[f64], noise_bar: f64, span_bar: f6
     let half = |part: &[(f64, f64)]| quantile(&sorted(part.iter().map(|p| p.1)), 0.5);
     let (lower, upper) = (half(&points[n / 20..n / 2]), half(&points[n / 2..n - n / 20]));
     let flat = high - low > 0.08 * (recorded_a.1 - recorded_a.0) && (upper - lower).abs() < (1.5 * noise_bar).max(0.002 * span_bar);
-    flat.then(|| half(&points[n / 20..]))
+    // On a true ceiling nearly every sample above that current lies; after a delay or a lag many do not.
+    let begin = points[n / 5].0;
+    let beyond = segments.iter().flat_map(|s| used(s).map(|k| (s.current_a[k], s.pressure_bar[k]))).filter(|(i, _)| *i > begin);
+    let (on, all) = beyond.fold((0usize, 0usize), |(on, all), (_, p)| (on + usize::from(p > from), all + 1));
+    (flat && on * 10 >= all * 9).then(|| half(&points[n / 20..]))
 }
 
 fn is_steady(s: &Segment, k: usize, tolerance_bar: f64) -> bool {

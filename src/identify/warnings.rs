@@ -13,7 +13,7 @@ const LARGEST_CURRENT_A: f64 = 5.0;
 const MIN_REVERSALS: usize = 2;
 
 /// What was found and handled.
-pub(super) fn notes(recording: &Recording, problem: &Problem<'_>, survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
+pub(super) fn notes(recording: &Recording, survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
     let mut out = recording.notes.clone();
     let share = 100.0 * survey.steady as f64 / survey.samples.max(1) as f64;
     out.push(format!("{} of {} samples ({share:.0} %) are steady enough to lie on a static curve", survey.steady, survey.samples));
@@ -33,10 +33,20 @@ pub(super) fn notes(recording: &Recording, problem: &Problem<'_>, survey: &Surve
         1e3 * wide_a,
         wide_a * slope
     ));
-    if problem.segments.len() > 1 {
-        out.push(format!("{} runs, each simulated from its own start", problem.segments.len()));
+    if recording.runs.len() > 1 {
+        out.push(format!("{} runs, each simulated from its own start", recording.runs.len()));
     }
     out
+}
+
+/// How a long recording was fitted.
+pub(super) fn windows_note(recording: &Recording, problem: &Problem<'_>) -> String {
+    let samples: usize = recording.runs.iter().map(crate::recording::Run::len).sum();
+    format!(
+        "of {samples} samples, {} in {} windows were fitted that together show every current, direction and rate; the RMSE is that of all samples",
+        problem.len(),
+        problem.segments.len()
+    )
 }
 
 /// What the data cannot carry.
@@ -95,11 +105,12 @@ pub(super) fn warnings(
     let half_step = 0.5 * problem.segments.first().map_or(0.01, |s| s.step_s);
     if let Some((delay, e)) = error("delay") {
         if 2.0 * e > half_step.max(0.005) {
-            out.push(format!(
-                "the delay of {:.1} ms has a standard error of {:.1} ms: at a constant rate delay and loop width trade places; steps, other rates or minor loops tell them apart",
-                1e3 * delay,
-                1e3 * e
-            ));
+            let why = if survey.steps > 0 {
+                "its form is not quite that of the model"
+            } else {
+                "at a constant rate delay and loop width trade places; steps, other rates or minor loops tell them apart"
+            };
+            out.push(format!("the delay of {:.1} ms has a standard error of {:.1} ms: {why}", 1e3 * delay, 1e3 * e));
         }
         if delay >= problem.delay_max_s * 0.999 {
             out.push(format!("the delay stands at the longest that was searched, {:.3} s", problem.delay_max_s));

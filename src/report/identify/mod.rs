@@ -1,11 +1,15 @@
-//! What `hil identify` found, as text and as JSON.
+//! What `hil identify` found, as text, as JSON and as a page.
+
+mod html;
+
+pub use html::html;
 
 use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::text::{COLUMNS, fold};
 use crate::identify::{Identified, Parameter};
+use crate::report::text::{COLUMNS, fold};
 
 /// The JSON document; the keys are part of the contract.
 pub fn json(found: &Identified) -> String {

@@ -1,0 +1,143 @@
+//! Long recordings: windows that together show every current, in both directions, slow and fast.
+//!
+//! A day at 100 Hz holds hundreds of times what a fit needs. Windows are taken greedily, each time the one that
+//! shows most of what the windows before it did not; the model that they give is then judged on all samples.
+
+use std::ops::Range;
+
+use super::segment::Segment;
+use crate::recording::{Recording, Run};
+
+/// Recordings up to this many samples are fitted whole.
+pub(super) const WHOLE: usize = 60_000;
+/// Samples of one window.
+const WINDOW: usize = 2_500;
+/// Windows that are taken.
+const WINDOWS: usize = 16;
+/// Bins of the current.
+const BINS: usize = 20;
+/// Kinds of movement: slow up, slow down, fast up, fast down.
+const KINDS: usize = 4;
+/// Samples simulated before a piece counts, when all samples are judged.
+const RUN_UP: usize = 3_000;
+/// Samples judged at a time.
+const PIECE: usize = 100_000;
+
+/// The segments to fit, and whether they are the whole recording.
+pub(super) fn segments(recording: &Recording) -> (Vec<Segment>, bool) {
+    let samples: usize = recording.runs.iter().map(Run::len).sum();
+    if samples <= WHOLE {
+        return (recording.runs.iter().filter_map(|r| Segment::from_run(r, 0..r.len())).filter(|s| s.len() >= 5).collect(), true);
+    }
+    let (low, high) = range(recording);
+    let mut windows: Vec<(usize, Range<usize>)> = Vec::new();
+    for (k, run) in recording.runs.iter().enumerate() {
+        let mut from = 0;
+        while from < run.len() {
+            let to = (from + WINDOW).min(run.len());
+            if to - from >= WINDOW / 4 {
+                windows.push((k, from..to));
+            }
+            from = to;
+        }
+    }
+    let shown: Vec<[u32; BINS * KINDS]> = windows.iter().map(|(k, w)| shown(&recording.runs[*k], w, low, high)).collect();
+    let mut count = [0.0f64; BINS * KINDS];
+    let mut taken: Vec<usize> = Vec::new();
+    while taken.len() < WINDOWS.min(windows.len()) {
+        let worth = |n: usize| -> f64 {
+            // Twenty samples of a kind are as good as more; what was seen often is worth little.
+            shown[n].iter().zip(&count).map(|(s, c)| f64::from((*s).min(20)) / ((1.0 + c) * (1.0 + c))).sum()
+        };
+        let free = (0..windows.len()).filter(|n| !taken.contains(n));
+        let Some(best) = free.max_by(|a, b| worth(*a).total_cmp(&worth(*b)).then(b.cmp(a))) else { break };
+        for (c, s) in count.iter_mut().zip(&shown[best]) {
+            *c += f64::from(*s) / 20.0;
+        }
+        taken.push(best);
+    }
+    taken.sort_unstable();
+    let chosen = taken.iter().filter_map(|n| Segment::from_run(&recording.runs[windows[*n].0], windows[*n].1.clone()));
+    (chosen.filter(|s| s.len() >= 5).collect(), false)
+}
+
+/// Range of the recorded currents [A].
+pub(super) fn range(recording: &Recording) -> (f64, f64) {
+    let all = recording.runs.iter().flat_map(|r| r.current_a.iter().copied()).filter(|i| i.is_finite());
+    all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), i| (low.min(i), high.max(i)))
+}
+
+/// How many samples of each kind of movement in each bin of the current a window holds.
+fn shown(run: &Run, window: &Range<usize>, low: f64, high: f64) -> [u32; BINS * KINDS] {
+    let mut out = [0; BINS * KINDS];
+    let Some(pressure) = run.pressure_bar.as_ref() else { return out };
+    let span = (high - low).max(f64::MIN_POSITIVE);
+    for k in window.start + 1..window.end {
+        let (before, now) = (run.current_a[k - 1], run.current_a[k]);
+        let change = (now - before) / span;
+        if !pressure[k].is_finite() || change.is_nan() || change == 0.0 {
+            continue;
+        }
+        let bin = (((now - low) / span * BINS as f64) as usize).min(BINS - 1);
+        let kind = usize::from(change < 0.0) + 2 * usize::from(change.abs() > 0.02);
+        out[KINDS * bin + kind] += 1;
+    }
+    out
+}
+
+/// Calls `with` for pieces of all runs: the piece with its run-up, and the number of samples that belong to the run-up.
+pub(super) fn pieces(recording: &Recording, mut with: impl FnMut(&Segment, usize)) {
+    for run in &recording.runs {
+        let mut from = 0;
+        while from < run.len() {
+            let to = (from + PIECE).min(run.len());
+            let begin = from.saturating_sub(RUN_UP);
+            if let Some(segment) = Segment::from_run(run, begin..to) {
+                // The segment may begin later, at the first sample that holds both channels.
+                let dropped = (to - begin) - segment.len();
+                with(&segment, (from - begin).saturating_sub(dropped));
+            }
+            from = to;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_only_window_that_moves_is_taken_first_and_a_short_recording_is_taken_whole() {
+        let n = 200_000;
+        let current: Vec<f64> =
+            (0..n).map(|k| if (100_000..102_000).contains(&k) { 0.3 + 0.2 * (k as f64 * 0.01).sin() } else { 0.3 }).collect();
+        let run = Run {
+            time_s: (0..n).map(|k| k as f64 * 0.01).collect(),
+            pressure_bar: Some(current.clone()),
+            current_a: current,
+            ..Run::default()
+        };
+        let mut recording = Recording { runs: vec![run], ..Recording::default() };
+        let (chosen, whole) = segments(&recording);
+        assert!(!whole && chosen.len() == WINDOWS);
+        assert!(chosen.iter().any(|s| s.time_s[0] <= 1000.0 && s.time_s[s.len() - 1] >= 1000.0));
+        recording.runs[0].time_s.truncate(1000);
+        recording.runs[0].current_a.truncate(1000);
+        recording.runs[0].pressure_bar.as_mut().unwrap().truncate(1000);
+        assert!(segments(&recording).1);
+    }
+
+    #[test]
+    fn pieces_cover_every_sample_once() {
+        let n = 250_001;
+        let run = Run {
+            time_s: (0..n).map(|k| k as f64 * 0.01).collect(),
+            current_a: vec![0.5; n],
+            pressure_bar: Some(vec![1.0; n]),
+            ..Run::default()
+        };
+        let mut seen = 0;
+        pieces(&Recording { runs: vec![run], ..Recording::default() }, |s, skip| seen += s.len() - skip);
+        assert_eq!(seen, n);
+    }
+}

@@ -1,0 +1,126 @@
+//! The page of an identification: loop with curves, residuals over current and over time, parameters.
+
+use maud::{Markup, html};
+
+use crate::identify::Identified;
+use crate::report::page;
+use crate::report::plot::{Color, Figure, Stroke};
+
+/// Runs of which the residual over time is drawn.
+const RUNS: usize = 8;
+
+/// The findings as one self-contained page.
+pub fn html(found: &Identified) -> String {
+    let valve = &found.valve;
+    let body = html! {
+        header.top {
+            div {
+                h1 { (valve.name) }
+                .sub { "valve model " (valve.source) }
+            }
+        }
+        @if !found.warnings.is_empty() {
+            .notice.bad { @for warning in &found.warnings { p { (warning) } } }
+        }
+        (tiles(found))
+        h2 { "The loop" }
+        (loops(found))
+        h2 { "What the model leaves" }
+        (over_current(found))
+        @for trace in found.traces.iter().take(RUNS) {
+            (over_time(trace))
+        }
+        @if found.traces.len() > RUNS { p.soft { "And " (found.traces.len() - RUNS) " more runs or windows." } }
+        h2 { "Parameters" }
+        (parameters(found))
+        @if !found.orders.is_empty() { (orders(found)) }
+        h2 { "What was found and handled" }
+        .card { ul { @for note in &found.notes { li { (note) } } } }
+        footer { "Standard errors hold for a model of the right form; they are inflated by the correlation time of the residual." }
+    };
+    page(&format!("{}: identification", valve.name), &body)
+}
+
+fn tiles(found: &Identified) -> Markup {
+    let valve = &found.valve;
+    let tile = |name: &str, value: String, unit: &str, note: String| {
+        html! { .tile { .name { (name) } .value { (value) " " small { (unit) } } .note { (note) } } }
+    };
+    let (low, high) = valve.curves.range_a;
+    html! {
+        .tiles {
+            (tile("RMSE of the model", format!("{:.4}", found.rmse_bar), "bar", format!("sensor noise {:.4} bar", valve.noise_bar)))
+            (tile("RMSE of the average model", format!("{:.4}", found.rmse_average_model_bar), "bar", "mean of both curves".into()))
+            (tile("delay", format!("{:.2}", 1e3 * valve.delay_s), "ms", format!("margins are judged from {:.1} ms to {:.1} ms", 1e3 * valve.delay_range_s.0, 1e3 * valve.delay_range_s.1)))
+            (tile("lag", format!("{:.2}", 1e3 * valve.lag_s), "ms", if valve.lag_s > 0.0 { String::new() } else { "none is shown by the data".into() }))
+            @if let crate::valve::Hysteresis::Hyperbolic { a_bar2 } = valve.hysteresis {
+                (tile("a", format!("{a_bar2:.4}"), "bar²", "hyperbola".into()))
+            } @else {
+                (tile("hysteresis", "none".into(), "", String::new()))
+            }
+            (tile("curves hold", format!("{low:.3} .. {high:.3}"), "A", valve.floor_bar.map_or(String::new(), |f| format!("floor {f:.2} bar"))))
+        }
+    }
+}
+
+fn loops(found: &Identified) -> Markup {
+    let mut figure = Figure::new("Pressure over the delayed current", "current [A]", "pressure [bar]").height(420);
+    for (n, trace) in found.traces.iter().enumerate() {
+        let name = if n == 0 { "measured" } else { "" };
+        figure = figure.series(name, Color::Measured, Stroke::Thin, trace.delayed_current_a.clone(), trace.measured_bar.clone());
+    }
+    let curves = &found.curves;
+    figure = figure.line("ascending curve", Color::Ascending, curves.current_a.clone(), curves.ascending_bar.clone());
+    if found.valve.hysteresis != crate::valve::Hysteresis::None {
+        figure = figure.line("descending curve", Color::Descending, curves.current_a.clone(), curves.descending_bar.clone());
+    }
+    figure.caption("The curves are drawn over the range in which the recording shows them.").render()
+}
+
+fn over_current(found: &Identified) -> Markup {
+    let mut figure = Figure::new("Residual over current", "current [A]", "simulated - measured [bar]");
+    for (n, trace) in found.traces.iter().enumerate() {
+        let name = if n == 0 { "residual" } else { "" };
+        figure = figure.series(name, Color::Error, Stroke::Thin, trace.delayed_current_a.clone(), trace.residual_bar.clone());
+    }
+    figure.caption("A pattern here is a shape that the curves do not have; noise alone is a band of even height.").render()
+}
+
+fn over_time(trace: &crate::identify::Trace) -> Markup {
+    let of = trace.run.as_ref().map_or(String::new(), |run| format!(" of {run}"));
+    html! {
+        (Figure::new(format!("Pressure over time{of}"), "time [s]", "pressure [bar]")
+            .series("measured", Color::Measured, Stroke::Thin, trace.time_s.clone(), trace.measured_bar.clone())
+            .series("model", Color::Feedback, Stroke::Thin, trace.time_s.clone(), trace.simulated_bar.clone())
+            .render())
+        (Figure::new(format!("Residual over time{of}"), "time [s]", "simulated - measured [bar]")
+            .series("residual", Color::Error, Stroke::Thin, trace.time_s.clone(), trace.residual_bar.clone())
+            .height(160)
+            .render())
+    }
+}
+
+fn parameters(found: &Identified) -> Markup {
+    html! {
+        .card.scroll {
+            table {
+                thead { tr { th { "parameter" } th.num { "value" } th.num { "standard error" } th { "unit" } } }
+                tbody {
+                    @for p in &found.parameters {
+                        @let (value, error) = super::figures(p);
+                        tr { td { (p.name) } td.num { (value) } td.num { (error) } td { (p.unit) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn orders(found: &Identified) -> Markup {
+    let (x, y) = found.orders.iter().map(|o| (o.order as f64, o.heldout_bar)).unzip();
+    Figure::new("Held-out error by order of the curves", "order", "error [bar]")
+        .bars("held-out error", Color::Measured, x, y)
+        .height(160)
+        .caption("Fitted on half of the blocks of the recording and judged on the other half, both ways; the lowest order within 0.4 % of the best is taken.")
+        .render()
+}
