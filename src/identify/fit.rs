@@ -15,6 +15,8 @@ use crate::valve::ReferenceCurves;
 const GUARDS: usize = 24;
 /// How much worse a violated guard is than the same error in all samples.
 const GUARD_WEIGHT: f64 = 100.0;
+/// Bound of a start between the curves: 0.1 % of the width away from a curve.
+const START_LIMIT: f64 = 0.998;
 /// Smallest slope of a curve, as a share of the mean slope over the range.
 const MIN_SLOPE: f64 = 0.02;
 
@@ -28,6 +30,8 @@ pub(super) struct Problem<'a> {
     pub lag_max_s: f64,
     /// Range of the pressure [bar], which scales steps and guards.
     pub span_bar: f64,
+    /// Sensor noise [bar], the scale of the prior of the starts.
+    pub noise_bar: f64,
     offsets: Vec<usize>,
 }
 
@@ -48,12 +52,12 @@ pub(super) struct Fit {
 
 impl<'a> Problem<'a> {
     /// A problem over `segments`.
-    pub fn new(segments: &'a [Segment], delay_max_s: f64, lag_max_s: f64, span_bar: f64) -> Self {
+    pub fn new(segments: &'a [Segment], delay_max_s: f64, lag_max_s: f64, span_bar: f64, noise_bar: f64) -> Self {
         let mut offsets = vec![0];
         for s in segments {
             offsets.push(offsets[offsets.len() - 1] + s.len());
         }
-        Self { segments, delay_max_s, lag_max_s, span_bar, offsets }
+        Self { segments, delay_max_s, lag_max_s, span_bar, noise_bar, offsets }
     }
 
     /// Number of samples.
@@ -90,7 +94,7 @@ impl<'a> Problem<'a> {
         let mut out = vec![0.0; self.len()];
         for (k, s) in self.segments.iter().enumerate() {
             let range = self.range(k);
-            shape.simulate(theta, curves, s, &delayed_a[range.clone()], &mut out[range], average);
+            shape.simulate(theta, curves, (k, s), &delayed_a[range.clone()], &mut out[range], average);
         }
         out
     }
@@ -113,7 +117,12 @@ impl<'a> Problem<'a> {
     /// Huber's loss of the residual and of the guards [bar^2].
     fn cost(&self, shape: &Shape, theta: &[f64], residual: &[f64], weights: &[f64], threshold_bar: f64) -> f64 {
         let data: f64 = residual.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(r, w)| w * loss(*r, threshold_bar)).sum();
-        data + self.guards(shape, theta, weights).iter().map(|g| g * g).sum::<f64>()
+        data + self.guards(shape, theta, weights).iter().map(|g| g * g).sum::<f64>() + self.prior(shape, theta)
+    }
+
+    /// A start that the data do not show stays in the middle: a prior as wide as the loop.
+    fn prior(&self, shape: &Shape, theta: &[f64]) -> f64 {
+        (0..shape.starts).filter_map(|k| shape.start_at(k)).map(|k| self.noise_bar * self.noise_bar * theta[k] * theta[k]).sum()
     }
 
     /// Weighted violations of "both curves rise" and "the descending one is above".
@@ -135,14 +144,22 @@ impl<'a> Problem<'a> {
         out
     }
 
-    fn clamp(&self, shape: &Shape, theta: &mut [f64]) {
-        theta[shape.delay()] = theta[shape.delay()].clamp(0.0, self.delay_max_s);
-        if let Some(k) = shape.lag_at() {
-            theta[k] = theta[k].clamp(0.0, self.lag_max_s);
+    /// Bounds of parameter `k`.
+    fn bounds(&self, shape: &Shape, k: usize) -> (f64, f64) {
+        let square = 2.0 * self.span_bar.ln();
+        match k {
+            k if k == shape.delay() => (0.0, self.delay_max_s),
+            k if Some(k) == shape.lag_at() => (0.0, self.lag_max_s),
+            k if Some(k) == shape.ln_a() => (square - 20.0, square),
+            k if k > shape.delay() => (-START_LIMIT, START_LIMIT),
+            _ => (f64::NEG_INFINITY, f64::INFINITY),
         }
-        if let Some(k) = shape.ln_a() {
-            let square = 2.0 * self.span_bar.ln();
-            theta[k] = theta[k].clamp(square - 20.0, square);
+    }
+
+    fn clamp(&self, shape: &Shape, theta: &mut [f64]) {
+        for (k, t) in theta.iter_mut().enumerate() {
+            let (low, high) = self.bounds(shape, k);
+            *t = t.clamp(low, high);
         }
     }
 
@@ -152,14 +169,14 @@ impl<'a> Problem<'a> {
         match k {
             k if k == shape.delay() => 0.02 * step_s,
             k if Some(k) == shape.lag_at() => 0.01 * theta[k].max(step_s),
-            k if Some(k) == shape.ln_a() => 1e-3,
+            k if Some(k) == shape.ln_a() || k > shape.delay() => 1e-3,
             _ => 1e-5 * self.span_bar,
         }
     }
 
     /// Derivative of the simulated pressure after each parameter, one column each.
-    pub fn jacobian(&self, shape: &Shape, theta: &[f64], delayed_a: &[f64], base: &[f64]) -> Vec<Vec<f64>> {
-        (0..shape.len())
+    fn jacobian(&self, shape: &Shape, theta: &[f64], delayed_a: &[f64], base: &[f64], free: usize) -> Vec<Vec<f64>> {
+        (0..free)
             .into_par_iter()
             .map(|k| {
                 let mut moved = theta.to_vec();
@@ -178,8 +195,52 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
+    /// The step of the damped normal equations; parameters that it would push through their bounds, or that are
+    /// not `free`, stay.
+    fn damped_step(
+        &self,
+        shape: &Shape,
+        theta: &[f64],
+        normal: &DMatrix<f64>,
+        gradient: &DVector<f64>,
+        damping: f64,
+        free: usize,
+    ) -> Option<DVector<f64>> {
+        let mut held: Vec<bool> = (0..shape.len()).map(|k| k >= free).collect();
+        let largest = normal.diagonal().max();
+        for _ in 0..3 {
+            let (mut damped, mut right) = (normal.clone(), gradient.clone());
+            for k in 0..shape.len() {
+                damped[(k, k)] += damping * damped[(k, k)].max(1e-12 * largest);
+                if held[k] {
+                    damped.row_mut(k).fill(0.0);
+                    damped.column_mut(k).fill(0.0);
+                    damped[(k, k)] = 1.0;
+                    right[k] = 0.0;
+                }
+            }
+            let change = damped.cholesky()?.solve(&right);
+            let mut again = false;
+            for k in 0..shape.len() {
+                let (low, high) = self.bounds(shape, k);
+                if !held[k] && ((theta[k] <= low && change[k] > 0.0) || (theta[k] >= high && change[k] < 0.0)) {
+                    (held[k], again) = (true, true);
+                }
+            }
+            if !again {
+                return Some(change);
+            }
+        }
+        None
+    }
+
     /// Minimises the loss from `start` in at most `iterations` steps.
     pub fn minimise(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, iterations: usize) -> Fit {
+        self.minimise_first(shape, start, weights, threshold_bar, iterations, shape.len())
+    }
+
+    /// As [`Problem::minimise`] over the first `free` parameters only; the others stay as they are.
+    pub fn minimise_first(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, iterations: usize, free: usize) -> Fit {
         let mut theta = start.to_vec();
         self.clamp(shape, &mut theta);
         let mut delayed = self.delayed(theta[shape.delay()]);
@@ -190,7 +251,7 @@ impl<'a> Problem<'a> {
         let mut damping = 1e-3;
         let mut normal = DMatrix::zeros(shape.len(), shape.len());
         for iteration in 0..=iterations {
-            let columns = self.jacobian(shape, &theta, &delayed, &simulated);
+            let columns = self.jacobian(shape, &theta, &delayed, &simulated, free);
             let (matrix, gradient) = self.normal_equations(shape, &theta, &columns, &residual, weights, threshold_bar);
             normal = matrix;
             if iteration == iterations || !cost.is_finite() {
@@ -199,12 +260,7 @@ impl<'a> Problem<'a> {
             let mut improved = false;
             let before = cost;
             for _ in 0..8 {
-                let mut damped = normal.clone();
-                let mean = damped.diagonal().max();
-                for k in 0..shape.len() {
-                    damped[(k, k)] += damping * damped[(k, k)].max(1e-12 * mean);
-                }
-                let Some(change) = damped.cholesky().map(|c| c.solve(&gradient)) else {
+                let Some(change) = self.damped_step(shape, &theta, &normal, &gradient, damping, free) else {
                     damping *= 10.0;
                     continue;
                 };
@@ -239,7 +295,7 @@ impl<'a> Problem<'a> {
         weights: &[f64],
         threshold_bar: f64,
     ) -> (DMatrix<f64>, DVector<f64>) {
-        let p = shape.len();
+        let p = columns.len();
         // Iteratively reweighted: a residual beyond the threshold counts linearly.
         let effective: Vec<f64> =
             residual.iter().zip(weights).map(|(r, w)| if *w > 0.0 { w * (threshold_bar / r.abs()).min(1.0) } else { 0.0 }).collect();
@@ -253,8 +309,13 @@ impl<'a> Problem<'a> {
                 row
             })
             .collect();
-        let mut matrix = DMatrix::from_fn(p, p, |a, b| rows[a.max(b)][a.min(b)]);
-        let mut gradient = DVector::from_fn(p, |a, _| rows[a][a + 1]);
+        let all = shape.len();
+        let mut matrix = DMatrix::from_fn(all, all, |a, b| if a.max(b) < p { rows[a.max(b)][a.min(b)] } else { 0.0 });
+        let mut gradient = DVector::from_fn(all, |a, _| if a < p { rows[a][a + 1] } else { 0.0 });
+        for k in (0..shape.starts).filter_map(|k| shape.start_at(k)) {
+            matrix[(k, k)] += self.noise_bar * self.noise_bar;
+            gradient[k] += self.noise_bar * self.noise_bar * theta[k];
+        }
         let base = self.guards(shape, theta, weights);
         if base.iter().any(|g| *g != 0.0) {
             let step = 1e-5 * self.span_bar;

@@ -54,8 +54,8 @@ pub struct Options {
 
 /// Fewest samples with current and pressure.
 const MIN_SAMPLES: usize = 50;
-/// A valve that needs more samples to settle has its covered range looked at again.
-const SETTLED_SAMPLES: usize = 10;
+/// Up to this many segments the start of each is fitted.
+const MAX_STARTS: usize = 4;
 /// Highest order of the curves.
 pub const MAX_ORDER: usize = 9;
 /// Share of the direction bins that both directions must cover for a hysteresis to be fitted.
@@ -75,15 +75,20 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
     let duration_s = segments.iter().map(|s| s.time_s[s.len() - 1] - s.time_s[0]).fold(0.0, f64::max);
     let step_s = segments[0].step_s;
     let longest_s = (50.0 * step_s).max(0.5).min(0.25 * duration_s);
-    let problem = Problem::new(&segments, longest_s, (4.0 * longest_s).min(0.25 * duration_s), survey.span_bar);
+    let problem = Problem::new(&segments, longest_s, (4.0 * longest_s).min(0.25 * duration_s), survey.span_bar, survey.noise_bar);
     let weights = problem.weights();
     let noise_bar = survey.noise_bar;
     let mut fit = first_fit(&problem, &survey, options, &weights);
-    let settled = ((fit.theta[fit.shape.delay()] + 4.0 * fit.shape.lag_s(&fit.theta)) / step_s).ceil() as usize + 3;
-    if settled > SETTLED_SAMPLES {
-        // A slow valve: what looked covered may have been on its way.
-        survey.cover(&segments, settled);
+    let before = survey.covered_a;
+    survey.cover(&segments, fit.theta[fit.shape.delay()], 4.0 * fit.shape.lag_s(&fit.theta));
+    let range_a = to_the_floor(&fit, &survey);
+    let change = (range_a.0 - before.0).abs().max((range_a.1 - before.1).abs());
+    if change > 0.1 * (before.1 - before.0) {
+        // A slow valve: what looked covered was still on its way.
         fit = first_fit(&problem, &survey, options, &weights);
+    } else {
+        (fit.shape, fit.theta) = fit.shape.moved(&fit.theta, range_a);
+        survey.covered_a = range_a;
     }
     let mut orders = Vec::new();
     if options.order.is_none() {
@@ -104,6 +109,17 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
     Ok(outcome::outcome(&data, options, &fit, limit, orders))
 }
 
+/// The covered range, down to where the higher curve reaches the floor: there it ends, and nothing is extrapolated.
+fn to_the_floor(fit: &fit::Fit, survey: &survey::Survey) -> (f64, f64) {
+    let (low, high) = survey.covered_a;
+    let Some(floor) = survey.floor_bar else { return (low, high) };
+    let curves = fit.shape.curves(&fit.theta);
+    let slope = curves.descending.slope(low).max(1e-9);
+    let missing = ((curves.descending_at(low) - floor) / slope).clamp(0.0, 0.05 * (high - low));
+    let hidden = curves.descending_at(low) - floor < 2.0 * (survey.above_bar() - floor);
+    (if hidden { (low - missing).max(survey.recorded_a.0) } else { low }, high)
+}
+
 /// A fit with curves of the order given, or of order 3 as in the paper, with delay and lag found.
 fn first_fit(problem: &Problem<'_>, survey: &survey::Survey, options: &Options, weights: &[f64]) -> fit::Fit {
     let hysteresis = match options.hysteresis {
@@ -113,7 +129,8 @@ fn first_fit(problem: &Problem<'_>, survey: &survey::Survey, options: &Options, 
     };
     let levels = survey::levels(problem.segments, survey);
     let order = options.order.unwrap_or_else(|| 3.min(levels.saturating_sub(1)).max(1));
-    let shape = Shape { order, hysteresis, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar };
+    let starts = if hysteresis && problem.segments.len() <= MAX_STARTS { problem.segments.len() } else { 0 };
+    let shape = Shape { order, hysteresis, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar, starts };
     let start = start::start(problem, &shape, survey, weights);
     let (plain, limit) = select::fit_robust(problem, &shape, &start, weights, survey.noise_bar, &[8, 8]);
     dynamics::refine(problem, &plain, survey, weights, limit)

@@ -19,13 +19,15 @@ pub(super) struct Shape {
     pub range_a: (f64, f64),
     /// Pressure below which the outlet does not fall [bar].
     pub floor_bar: Option<f64>,
+    /// Segments whose start between the curves is fitted; the others start where they were measured.
+    pub starts: usize,
 }
 
 impl Shape {
     /// Number of parameters.
     pub fn len(&self) -> usize {
         let curve = self.order + 1;
-        curve + if self.hysteresis { curve + 1 } else { 0 } + 1 + usize::from(self.lag)
+        curve + if self.hysteresis { curve + 1 } else { 0 } + 1 + usize::from(self.lag) + self.starts
     }
 
     /// Position of ln a.
@@ -41,6 +43,11 @@ impl Shape {
     /// Position of the lag.
     pub fn lag_at(&self) -> Option<usize> {
         self.lag.then(|| self.delay() + 1)
+    }
+
+    /// Position of the start of segment `k`: its place between the curves, see [`Shape::measured_start`].
+    pub fn start_at(&self, k: usize) -> Option<usize> {
+        (k < self.starts).then(|| self.delay() + 1 + usize::from(self.lag) + k)
     }
 
     /// Coefficients of the ascending and of the descending curve, highest power first.
@@ -88,7 +95,31 @@ impl Shape {
         if to.lag {
             out.push(self.lag_at().map_or(lag_s, |k| theta[k]));
         }
+        out.extend((0..to.starts).map(|k| self.start_at(k).map_or(0.0, |at| theta[at])));
         out
+    }
+
+    /// The same curves over another range, and the shape with it.
+    pub fn moved(&self, theta: &[f64], range_a: (f64, f64)) -> (Self, Vec<f64>) {
+        let to = Self { range_a, ..self.clone() };
+        let curve = self.order + 1;
+        let mut out = theta.to_vec();
+        let mut basis = vec![0.0; curve];
+        for part in 0..if self.hysteresis { 2 } else { 1 } {
+            let polynomial = Polynomial::new(powers(&theta[part * curve..(part + 1) * curve], self.range_a));
+            let series = &mut out[part * curve..(part + 1) * curve];
+            series.fill(0.0);
+            // Interpolation at the Chebyshev nodes, exact for a polynomial.
+            for node in 0..curve {
+                let x = (std::f64::consts::PI * (node as f64 + 0.5) / curve as f64).cos();
+                let value = polynomial.eval(0.5 * (range_a.0 + range_a.1) + 0.5 * x * (range_a.1 - range_a.0));
+                chebyshev(x, &mut basis);
+                for (k, (s, b)) in series.iter_mut().zip(&basis).enumerate() {
+                    *s += if k == 0 { 1.0 } else { 2.0 } / curve as f64 * value * b;
+                }
+            }
+        }
+        (to, out)
     }
 
     /// The loop narrowed as it must be when the pressure answers `later_s` later than before and the current moves
@@ -112,14 +143,31 @@ impl Shape {
         out
     }
 
-    /// Simulates a segment whose delayed current is `delayed_a`; `average` follows the mean of the curves, Eq. (10).
-    pub fn simulate(&self, theta: &[f64], curves: &ReferenceCurves, segment: &Segment, delayed_a: &[f64], out: &mut [f64], average: bool) {
+    /// Where a segment stood between the curves at its start: -1 on the ascending, 1 on the descending one.
+    ///
+    /// At the floor the measured pressure says nothing: then the middle, as a simulation starts.
+    pub fn measured_start(&self, curves: &ReferenceCurves, segment: &Segment, first_a: f64) -> f64 {
+        let (low, high) = (curves.ascending_at(first_a), curves.descending_at(first_a));
+        let hidden = self.floor_bar.is_some_and(|f| segment.start_bar < f + 0.01 * (curves.average_at(self.range_a.1) - f));
+        let half = 0.5 * (high - low).abs();
+        if hidden || half == 0.0 { 0.0 } else { ((segment.start_bar - 0.5 * (low + high)) / half).clamp(-1.0, 1.0) }
+    }
+
+    /// Simulates segment number `number` whose delayed current is `delayed_a`; `average` follows the mean of the
+    /// curves, Eq. (10).
+    pub fn simulate(
+        &self,
+        theta: &[f64],
+        curves: &ReferenceCurves,
+        (number, segment): (usize, &Segment),
+        delayed_a: &[f64],
+        out: &mut [f64],
+        average: bool,
+    ) {
         if self.hysteresis && !average {
             let first = delayed_a[0];
-            let (low, high) = (curves.ascending_at(first), curves.descending_at(first));
-            // At the floor the measured pressure says nothing of the state: the average, as a simulation starts.
-            let hidden = self.floor_bar.is_some_and(|f| segment.start_bar < f + 0.01 * (curves.average_at(self.range_a.1) - f));
-            let start = if hidden { 0.5 * (low + high) } else { segment.start_bar.max(low.min(high)).min(high.max(low)) };
+            let place = self.start_at(number).map_or_else(|| self.measured_start(curves, segment, first), |k| theta[k]);
+            let start = curves.average_at(first) + 0.5 * place * (curves.descending_at(first) - curves.ascending_at(first)).abs();
             hyperbola_stretches(curves, self.a_bar2(theta), start, delayed_a, out);
         } else {
             for (o, i) in out.iter_mut().zip(delayed_a) {
@@ -198,13 +246,25 @@ mod tests {
     }
 
     #[test]
+    fn curves_over_another_range_are_the_same_curves() {
+        let shape = Shape { order: 3, hysteresis: true, lag: false, range_a: (0.2, 0.8), floor_bar: None, starts: 0 };
+        let theta = [10.0, 8.0, 0.4, 0.1, 0.5, 0.2, -0.1, 0.05, -1.0, 0.02];
+        let (moved, there) = shape.moved(&theta, (0.1, 0.9));
+        for i in [0.25, 0.5, 0.75] {
+            assert!((shape.curves(&theta).ascending_at(i) - moved.curves(&there).ascending_at(i)).abs() < 1e-9);
+            assert!((shape.curves(&theta).descending_at(i) - moved.curves(&there).descending_at(i)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
     fn a_higher_order_keeps_the_values() {
-        let low = Shape { order: 1, hysteresis: true, lag: false, range_a: (0.2, 0.8), floor_bar: None };
+        let low = Shape { order: 1, hysteresis: true, lag: false, range_a: (0.2, 0.8), floor_bar: None, starts: 1 };
         let high = Shape { order: 4, lag: true, ..low.clone() };
-        let theta = [10.0, 8.0, 0.4, 0.1, -1.0, 0.02];
+        let theta = [10.0, 8.0, 0.4, 0.1, -1.0, 0.02, 0.3];
         let converted = low.convert(&theta, &high, 0.005);
         assert_eq!(converted.len(), high.len());
         assert!((high.curves(&converted).ascending_at(0.3) - low.curves(&theta).ascending_at(0.3)).abs() < 1e-12);
         assert_eq!((high.a_bar2(&converted), high.lag_s(&converted)), (low.a_bar2(&theta), 0.005));
+        assert_eq!(converted[high.start_at(0).unwrap()], 0.3);
     }
 }

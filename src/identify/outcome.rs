@@ -272,7 +272,7 @@ fn rmse_of_all(recording: &Recording, fit: &Fit) -> (f64, f64) {
         out.resize(segment.len(), 0.0);
         segment.delayed(delay_s, &mut delayed);
         for (n, average) in [false, true].into_iter().enumerate() {
-            fit.shape.simulate(&fit.theta, &curves, segment, &delayed, &mut out, average);
+            fit.shape.simulate(&fit.theta, &curves, (usize::MAX, segment), &delayed, &mut out, average);
             for (s, p) in out.iter().zip(&segment.pressure_bar).skip(skip).filter(|(_, p)| p.is_finite()) {
                 sums[n] += (s - p) * (s - p);
                 sums[2] += 0.5;

@@ -53,6 +53,10 @@ pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weigh
         let mut theta = curve.clone();
         theta.push((share * half * half).ln());
         theta.push(delay_s);
+        let curves = shape.curves(&[theta.clone(), vec![0.0; shape.starts]].concat());
+        for s in problem.segments.iter().take(shape.starts) {
+            theta.push(shape.measured_start(&curves, s, s.current_a[0]));
+        }
         let simulated = problem.simulate(shape, &theta, &problem.delayed(delay_s), false);
         let cost = problem.loss_of(&simulated, weights, threshold);
         if chosen.as_ref().is_none_or(|c| cost < c.0) {

@@ -10,6 +10,10 @@ const OUTLIER_HALF_WINDOW: usize = 2;
 const OUTLIER_SIGMAS: f64 = 8.0;
 /// Half-width of the steadiness test, in samples.
 const STEADY_HALF_WINDOW: usize = 5;
+/// Delay that is assumed before one is known, in samples.
+const FIRST_DELAY_STEPS: f64 = 3.0;
+/// The current is still where it moves by less than this share of its range while the pressure settles.
+const STILL_SHARE: f64 = 0.02;
 /// A direction of the current counts after it has moved by this share of its range.
 const PLAY_SHARE: f64 = 0.02;
 /// Bins of the current in which both directions must have been seen.
@@ -93,7 +97,8 @@ pub(super) fn survey(segments: &mut [Segment]) -> Survey {
         reversals: 0,
         steps: segments.iter().map(|s| jumps(&s.current_a, 0.05 * (recorded_a.1 - recorded_a.0))).sum(),
     };
-    survey.cover(segments, 2 * STEADY_HALF_WINDOW);
+    let step_s = segments.first().map_or(0.01, |s| s.step_s);
+    survey.cover(segments, FIRST_DELAY_STEPS * step_s, STEADY_HALF_WINDOW as f64 * step_s);
     survey
 }
 
@@ -103,25 +108,26 @@ impl Survey {
         self.floor_bar.map_or(f64::NEG_INFINITY, |f| f + (4.0 * self.noise_bar).max(0.003 * self.span_bar))
     }
 
-    /// Finds the range of current in which the curves can be seen, where the pressure answers the current of up to
-    /// `settled` samples ago.
-    pub fn cover(&mut self, segments: &[Segment], settled: usize) {
+    /// Finds the range of current in which the curves can be seen, when the pressure answers the current of `delay_s`
+    /// ago and has settled after `settling_s` more.
+    pub fn cover(&mut self, segments: &[Segment], delay_s: f64, settling_s: f64) {
         let above = self.above_bar();
         let tolerance = (6.0 * self.noise_bar).max(0.015 * self.span_bar);
+        let still = STILL_SHARE * (self.recorded_a.1 - self.recorded_a.0);
         let steady_of = |s: &Segment| -> Vec<bool> { (0..s.len()).map(|k| s.weight[k] > 0.0 && is_steady(s, k, tolerance)).collect() };
         let steady: Vec<Vec<bool>> = segments.iter().map(steady_of).collect();
         self.steady = steady.iter().flatten().filter(|s| **s).count();
         let enough = self.steady * 10 > self.samples;
-        let (mut lows, mut highs) = (Vec::new(), Vec::new());
+        let mut seen = Vec::new();
         for (s, steady) in segments.iter().zip(&steady) {
-            let (recent_highest, recent_lowest) = (trailing(&s.current_a, settled, f64::max), trailing(&s.current_a, settled, f64::min));
-            for k in used(s).filter(|k| s.pressure_bar[*k] > above && (steady[*k] || !enough)) {
-                lows.push(recent_highest[k]);
-                highs.push(recent_lowest[k]);
-            }
+            let (mut now, mut before) = (vec![0.0; s.len()], vec![0.0; s.len()]);
+            s.delayed(delay_s, &mut now);
+            s.delayed(delay_s + settling_s, &mut before);
+            let settled = |k: usize| !enough || (steady[k] && (now[k] - before[k]).abs() <= still);
+            seen.extend(used(s).filter(|k| s.pressure_bar[*k] > above && settled(*k)).map(|k| now[k]));
         }
-        let (lows, highs) = (sorted(lows), sorted(highs));
-        let covered = (nth(&lows, lows.len() / 1000), nth(&highs, highs.len().saturating_sub(1 + highs.len() / 1000)));
+        let seen = sorted(seen);
+        let covered = (nth(&seen, seen.len() / 1000), nth(&seen, seen.len().saturating_sub(1 + seen.len() / 1000)));
         let wide = covered.0.partial_cmp(&covered.1) == Some(std::cmp::Ordering::Less);
         self.covered_a = if wide { covered } else { self.recorded_a };
         (self.both_directions, self.reversals) = directions(segments, self.covered_a, above);
