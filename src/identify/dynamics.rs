@@ -33,9 +33,16 @@ pub(super) fn refine(problem: &Problem<'_>, fit: &Fit, survey: &Survey, weights:
     let theta_with = fit.shape.convert(&fit.theta, &with, 0.0);
     let mut theta_without = fit.shape.convert(&fit.theta, &without, 0.0);
     theta_without[without.delay()] += fit.shape.lag_s(&fit.theta);
-    let plain = follow(problem, &without, grid(problem, &without, &theta_without, survey, &delays, &[0.0], weights, limit), weights, limit);
+    let plain = follow(
+        problem,
+        &without,
+        grid(problem, &without, &theta_without, survey.rate_a_per_s, (&delays, &[0.0]), weights, limit),
+        weights,
+        limit,
+    );
     let lags: Vec<f64> = LAGS.iter().map(|l| l * step_s).filter(|l| *l <= problem.lag_max_s).collect();
-    let lagged = follow(problem, &with, grid(problem, &with, &theta_with, survey, &delays, &lags, weights, limit), weights, limit);
+    let lagged =
+        follow(problem, &with, grid(problem, &with, &theta_with, survey.rate_a_per_s, (&delays, &lags), weights, limit), weights, limit);
     let (Some(plain), Some(lagged)) = (plain, lagged) else { return fit.clone() };
     let gain = lag_gain(problem, survey, &plain, &lagged, weights, limit);
     let chosen = if gain > LAG_GAIN && with.lag_s(&lagged.theta) > 0.05 * step_s { lagged } else { plain };
@@ -81,9 +88,8 @@ fn grid(
     problem: &Problem<'_>,
     shape: &Shape,
     theta: &[f64],
-    survey: &Survey,
-    delays: &[f64],
-    lags: &[f64],
+    rate_a_per_s: f64,
+    (delays, lags): (&[f64], &[f64]),
     weights: &[f64],
     limit: f64,
 ) -> Vec<Vec<f64>> {
@@ -98,7 +104,7 @@ fn grid(
             if let Some(k) = shape.lag_at() {
                 point[k] = *lag;
             }
-            let narrowed = shape.narrowed(&point, survey.rate_a_per_s, late(&point) - now);
+            let narrowed = shape.narrowed(&point, rate_a_per_s, late(&point) - now);
             let delayed = problem.delayed(*delay);
             let of = |point: Vec<f64>| {
                 let simulated = problem.simulate(shape, &point, &delayed, false);

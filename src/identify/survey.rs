@@ -141,11 +141,6 @@ fn nth(sorted: &[f64], rank: usize) -> f64 {
     sorted.get(rank.clamp(margin, last - margin)).copied().unwrap_or(f64::NAN)
 }
 
-/// The extreme of the last `count` samples and the present one.
-fn trailing(values: &[f64], count: usize, extreme: impl Fn(f64, f64) -> f64) -> Vec<f64> {
-    (0..values.len()).map(|k| values[k.saturating_sub(count)..=k].iter().copied().fold(values[k], &extreme)).collect()
-}
-
 /// The samples that count.
 fn used(s: &Segment) -> impl Iterator<Item = usize> + '_ {
     (0..s.len()).filter(|k| s.weight[*k] > 0.0)

@@ -72,10 +72,11 @@ fn shown(run: &Run, window: &Range<usize>, low: f64, high: f64) -> [u32; BINS * 
     let mut out = [0; BINS * KINDS];
     let Some(pressure) = run.pressure_bar.as_ref() else { return out };
     let span = (high - low).max(f64::MIN_POSITIVE);
-    for k in window.start + 1..window.end {
-        let (before, now) = (run.current_a[k - 1], run.current_a[k]);
-        let change = (now - before) / span;
-        if !pressure[k].is_finite() || change.is_nan() || change == 0.0 {
+    let moves = run.current_a[window.clone()].windows(2).zip(&pressure[window.start + 1..window.end]);
+    for (pair, pressure_bar) in moves {
+        let now = pair[1];
+        let change = (now - pair[0]) / span;
+        if !pressure_bar.is_finite() || change.is_nan() || change == 0.0 {
             continue;
         }
         let bin = (((now - low) / span * BINS as f64) as usize).min(BINS - 1);
