@@ -65,7 +65,7 @@ pub struct BatchSummary {
     pub pareto: Vec<ParetoBar>,
     /// Statistics per metric, over the deciding attempt of every judged valve.
     pub metrics: Vec<MetricStatistics>,
-    /// Valves that are outliers in a metric, by serial number, with the metrics.
+    /// Valves that are outliers in a metric with a limit, by serial number, with the metrics.
     pub outlier_valves: BTreeMap<String, Vec<String>>,
     /// The metrics as the records define them.
     pub definitions: Vec<MetricKey>,
@@ -95,7 +95,7 @@ pub fn summarise(
     }
     let metrics = statistics(tally.metrics(), &judged, &tolerance);
     let mut outlier_valves: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for m in &metrics {
+    for m in metrics.iter().filter(|m| m.tolerance.min.is_some() || m.tolerance.max.is_some()) {
         for outlier in m.outliers.value.iter().flatten() {
             if let Some(attempt) = judged.get(outlier.position) {
                 outlier_valves.entry(attempt.dut.serial.clone()).or_default().push(m.name.clone());

@@ -83,7 +83,7 @@ pub fn capability(values: &[f64], tolerance: Tolerance, chart: &Finding<ControlC
         None => return Capability::absent(normality.absent.as_deref().unwrap_or("normality is unknown")),
     };
     if !normal.plausible {
-        return not_normal(values, tolerance, normal);
+        return not_normal(values, tolerance);
     }
     let n = values.len() as f64;
     let performance = indices(tolerance, mean, overall, n, n - 1.0);
@@ -137,8 +137,8 @@ fn moving_range_freedom(n: usize) -> f64 {
 }
 
 /// Performance from the 0.135 %, 50 % and 99.865 % quantiles (ISO 22514-2), intervals from order statistics.
-fn not_normal(values: &[f64], tolerance: Tolerance, normality: &Normality) -> Capability {
-    let why = format!("the values are not normal (Anderson-Darling p = {:.2e})", normality.p_value);
+fn not_normal(values: &[f64], tolerance: Tolerance) -> Capability {
+    let why = "the values are not normal".to_string();
     if values.len() < FEWEST_QUANTILES {
         return Capability::absent(&format!("{why}; quantiles need {FEWEST_QUANTILES} values"));
     }

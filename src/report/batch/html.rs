@@ -32,9 +32,10 @@ if (filter) filter.addEventListener('input', () => {
 /// Heads that sort; id and page number on every printed page.
 const STYLE: &str = r"
 table.sortable th { cursor: pointer; user-select: none; } table.sortable th[data-order=up]::after { content: ' \25B2'; } table.sortable th[data-order=down]::after { content: ' \25BC'; }
+#valves th { white-space: normal; } #valves td { white-space: nowrap; } #valves td:last-child { white-space: normal; }
 td.wide { width: 45%; } .sign { display: grid; grid-template-columns: repeat(auto-fit, minmax(200px, 1fr)); gap: 14px 24px; margin-top: 34px; } .sign div { border-top: 1px solid var(--ink); padding-top: 4px; color: var(--soft); font-size: 12.5px; }
 #filter { font: inherit; padding: 2px 8px; border: 1px solid var(--line); border-radius: 6px; background: var(--card); color: var(--ink); }
-@media print { thead { display: table-header-group; } #valves { font-size: 8.5pt; } table { font-size: 8.5pt; } .scroll { overflow: visible; } details:not([open]) { display: none; } }
+@media print { thead { display: table-header-group; } #valves { font-size: 8.5pt; } table { font-size: 8.5pt; } .scroll { overflow: visible; break-inside: auto; } .sign { break-inside: avoid; } details:not([open]) { display: none; } }
 ";
 
 /// The page. `id` identifies the report on every printed page.
@@ -60,7 +61,7 @@ pub fn html(summary: &BatchSummary, id: &str) -> String {
             details { summary { "Moving range" } (figures::moving_range(summary, *k, m)) }
         }
         h2 { "Statistics" }
-        p.soft { "Over the deciding attempt of every judged valve. Intervals 95 %; in brackets behind each index. Cp and Cpk from the short-term spread of a stable process, Pp and Ppk from the overall spread." }
+        p.soft { "Over the deciding attempt of every judged valve. Intervals 95 %; below each index. Cp and Cpk from the short-term spread of a stable process, Pp and Ppk from the overall spread; Cp and Pp need limits on both sides. Where the values are not normal, quantiles of at least 2000 values stand in for Pp and Ppk." }
         (tables::statistics(summary))
         h2 { "Valves" }
         (tables::valves(summary))

@@ -99,13 +99,14 @@ fn remarks(m: &MetricStatistics) -> Vec<String> {
 /// Why an index is absent, each reason once.
 fn index_reasons(m: &MetricStatistics) -> Vec<String> {
     let c = &m.capability;
-    let mut reasons: Vec<String> = Vec::new();
+    let mut reasons: Vec<(String, String)> = Vec::new();
     for (names, finding) in [("Cp", &c.cp), ("Cpk", &c.cpk), ("Pp", &c.pp), ("Ppk", &c.ppk)] {
-        let Some(reason) = &finding.absent else { continue };
-        match reasons.iter_mut().find(|r| r.ends_with(&format!(": {reason}"))) {
-            Some(known) => *known = format!("{}, {}", names, known),
-            None => reasons.push(format!("{names}: {reason}")),
+        // That a one-sided limit has no Cp needs no words.
+        let Some(reason) = finding.absent.as_deref().filter(|r| *r != "needs both limits") else { continue };
+        match reasons.iter_mut().find(|r| r.1 == reason) {
+            Some(known) => known.0 = format!("{}, {names}", known.0),
+            None => reasons.push((names.to_string(), reason.to_string())),
         }
     }
-    reasons
+    reasons.into_iter().map(|(names, reason)| format!("{names}: {reason}")).collect()
 }

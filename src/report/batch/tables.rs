@@ -2,8 +2,8 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::{absent, index, index_reasons, limited, p_value, remarks, tolerance};
-use crate::batch::statistics::MetricStatistics;
+use super::{absent, index_reasons, limited, p_value, remarks, tolerance};
+use crate::batch::statistics::{Finding, Index, MetricStatistics};
 use crate::batch::summary::{BatchSummary, ValveRow};
 use crate::record::Outcome;
 use crate::report::format;
@@ -28,7 +28,7 @@ fn statistics_table(metrics: &[&MetricStatistics]) -> Markup {
     html! {
         .card.scroll {
             table {
-                thead { tr { th { "metric" } th { "limit" } th.num { "n" } th.num { "mean" } th.num { "deviation" } th.num { "min" } th.num { "max" } th { "Cp" } th { "Cpk" } th { "Pp" } th { "Ppk" } th { "normality" } } }
+                thead { tr { th { "metric" } th { "limit" } th.num { "n" } th.num { "mean" } th.num { "deviation" } th.num { "min" } th.num { "max" } th.num { "Cp" } th.num { "Cpk" } th.num { "Pp" } th.num { "Ppk" } th.num { "normality" } } }
                 tbody {
                     @for m in metrics {
                         tr {
@@ -41,12 +41,22 @@ fn statistics_table(metrics: &[&MetricStatistics]) -> Markup {
                                 }
                                 None => { td colspan="5" { span.why { (absent(&m.sample)) } } }
                             }
-                            td { (index(&m.capability.cp)) } td { (index(&m.capability.cpk)) } td { (index(&m.capability.pp)) } td { (index(&m.capability.ppk)) }
-                            td { @match &m.normality.value { Some(n) => { "p " (p_value(n.p_value)) } None => span.why { (absent(&m.normality)) } } }
+                            td.num { (index_cell(&m.capability.cp)) } td.num { (index_cell(&m.capability.cpk)) } td.num { (index_cell(&m.capability.pp)) } td.num { (index_cell(&m.capability.ppk)) }
+                            td.num { @match &m.normality.value { Some(n) => { "p " (p_value(n.p_value)) } None => span.why { (absent(&m.normality)) } } }
                         }
                     }
                 }
             }
+        }
+    }
+}
+
+/// An index with its interval below it.
+fn index_cell(finding: &Finding<Index>) -> Markup {
+    html! {
+        @match &finding.value {
+            Some(i) => { (format!("{:.2}", i.value)) .why { (format!("{:.2} .. {:.2}", i.interval.low, i.interval.high)) } }
+            None => "-",
         }
     }
 }
