@@ -32,6 +32,8 @@ CREATE TABLE IF NOT EXISTS metric (id INTEGER PRIMARY KEY, phase TEXT NOT NULL, 
 CREATE TABLE IF NOT EXISTS measurement (metric INTEGER NOT NULL, attempt INTEGER NOT NULL, value REAL, outcome TEXT NOT NULL, PRIMARY KEY (metric, attempt)) WITHOUT ROWID;
 ";
 
+const READ_TO: &str = "SELECT read_to FROM segment WHERE batch = ?1 AND number = ?2";
+
 /// What is asked. Everything that is given must hold.
 #[derive(Debug, Clone, Default)]
 pub struct Query {
@@ -118,6 +120,9 @@ impl Index {
         let mut index = match writable(&path) {
             Ok(db) => Self { root: root.into(), path, db, temporary: false },
             Err(_) => {
+                if let Some(index) = Self::as_it_stands(root, &path)? {
+                    return Ok(index);
+                }
                 let db = Connection::open_in_memory().map_err(|source| BatchError::Index { path: path.clone(), source })?;
                 db.execute_batch(SCHEMA).map_err(|source| BatchError::Index { path: path.clone(), source })?;
                 Self { root: root.into(), path, db, temporary: true }
@@ -125,6 +130,29 @@ impl Index {
         };
         index.refresh()?;
         Ok(index)
+    }
+
+    /// The index of a folder that cannot be written, where it is up to date.
+    fn as_it_stands(root: &Path, path: &Path) -> Result<Option<Self>, BatchError> {
+        let escaped = path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        // Immutable: no lock and no shared memory, which a folder that cannot be written cannot have.
+        let Ok(db) = Connection::open_with_flags(format!("file:{escaped}?immutable=1"), flags) else { return Ok(None) };
+        let index = Self { root: root.into(), path: path.into(), db, temporary: false };
+        let mut batches = Vec::new();
+        find_batches(root, "", DEPTH, &mut batches)?;
+        for batch in batches {
+            let folder = root.join(&batch);
+            for number in journal::segments(&folder)? {
+                let segment = journal::segment_path(&folder, number);
+                let size = std::fs::metadata(&segment).map_err(|e| BatchError::store(&segment, e))?.len();
+                let read_to = index.db.query_row(READ_TO, params![batch, number], |row| row.get::<_, i64>(0));
+                if read_to.map_or(true, |to| to as u64 != size) {
+                    return Ok(None);
+                }
+            }
+        }
+        Ok(Some(index))
     }
 
     /// Deletes the index of a folder and makes it anew.
@@ -150,8 +178,8 @@ impl Index {
             for number in journal::segments(&folder)? {
                 let segment = journal::segment_path(&folder, number);
                 let size = std::fs::metadata(&segment).map_err(|e| BatchError::store(&segment, e))?.len();
-                let known = "SELECT read_to FROM segment WHERE batch = ?1 AND number = ?2";
-                let read_to: Option<i64> = self.db.query_row(known, params![batch, number], |row| row.get(0)).optional().map_err(&fail)?;
+                let read_to: Option<i64> =
+                    self.db.query_row(READ_TO, params![batch, number], |row| row.get(0)).optional().map_err(&fail)?;
                 if read_to.is_some_and(|to| to as u64 == size) {
                     continue;
                 }

@@ -71,7 +71,7 @@ pub struct BatchArgs {
     /// Go on with the batch in the folder after a crash or a stop; interrupted attempts are closed as ABORTED.
     #[arg(long)]
     pub resume: bool,
-    /// With --resume: test interrupted valves again, as a further attempt.
+    /// With --resume: test valves that have no verdict (ABORTED, ERROR, INVALID) again, as a further attempt.
     #[arg(long, requires = "resume")]
     pub retest: bool,
     /// Simulated valves at once; both cores by default.
@@ -207,7 +207,10 @@ fn conduct(
     let rules = Rules { retry: &retry, stop: &stop, clock: &now };
     let result = campaign::run(journal, jobs, bench.workers(), rules, &mut loaded.tally, |one| told.one(one));
     told.finish();
-    result.map_err(failed)?;
+    if let Err(e) = result {
+        super::note(&format!("what was confirmed is kept in {}; go on with --resume", store.dir().display()));
+        return Err(failed(e));
+    }
     let tolerance = |m: &crate::batch::tally::MetricKey| {
         limits?.tolerance(&m.phase, &m.metric, &m.unit).map(|(min, max)| crate::batch::statistics::Tolerance { min, max })
     };
@@ -227,7 +230,7 @@ fn conduct(
         super::note(&format!("stored in {}", store.dir().display()));
     }
     if bench.down.load(Ordering::Relaxed) {
-        super::note("the station failed, so the batch stopped; put it right and go on with --resume");
+        super::note("the station failed, so the batch stopped; put it right and go on with --resume --retest");
         return Ok(exit::RIG);
     }
     if stop.load(Ordering::Relaxed) {
@@ -363,7 +366,8 @@ fn remaining(valves: Vec<Dut>, loaded: &Loaded, retry: &Retry, retest: bool) -> 
     let job = |(position, dut): (usize, Dut)| match loaded.last.get(&position) {
         None => Some(Job { position, attempt: 1, dut }),
         Some((attempt, outcome)) => {
-            let again = (retest && *outcome == Outcome::Aborted) || (*attempt < retry.most && retry.after.contains(outcome));
+            let judged = matches!(outcome, Outcome::Pass | Outcome::Marginal | Outcome::Fail);
+            let again = (retest && !judged) || (*attempt < retry.most && retry.after.contains(outcome));
             again.then_some(Job { position, attempt: attempt + 1, dut })
         }
     };

@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::{figures, limited, share, simulation_mark, tables};
+use super::{figures, limited, overridden, share, simulation_mark, tables};
 use crate::batch::summary::BatchSummary;
 use crate::report::badge;
 use crate::report::format;
@@ -97,6 +97,7 @@ fn heading(summary: &BatchSummary, id: &str) -> Markup {
             }
         }
         @if let Some(mark) = simulation_mark(summary) { .notice { (mark) "." } }
+        @if let Some(text) = overridden(summary) { .notice.bad { "Careful: " (text) "." } }
         @if summary.not_tested > 0 { .notice.bad { (summary.not_tested) " valve(s) of the batch have not been tested yet." } }
         @for d in &summary.damage { .notice.bad { "A " (d.what) " line in " code { (d.segment) } " at byte " (d.offset) " is not counted." } }
     }

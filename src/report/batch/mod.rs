@@ -69,6 +69,12 @@ fn simulation_mark(summary: &BatchSummary) -> Option<&'static str> {
     summary.batch.simulated.then_some("SIMULATION - the pressures come from a model; these figures say nothing of real valves")
 }
 
+/// What was changed by hand, so that nobody takes the batch for one of the plan as released.
+fn overridden(summary: &BatchSummary) -> Option<String> {
+    let names = &summary.batch.overridden;
+    (!names.is_empty()).then(|| format!("parameters of the plan were changed by hand: {}", names.join(", ")))
+}
+
 /// The remarks that a reader must not miss: stability, normality, drift, outliers, missing values.
 fn remarks(m: &MetricStatistics) -> Vec<String> {
     let mut remarks = Vec::new();

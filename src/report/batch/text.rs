@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{absent, index, limited, remarks, share, simulation_mark, tolerance};
+use super::{absent, index, limited, overridden, remarks, share, simulation_mark, tolerance};
 use crate::batch::summary::BatchSummary;
 use crate::report::{COLUMNS, fold, format};
 
@@ -23,6 +23,9 @@ pub fn text(summary: &BatchSummary) -> String {
     wrapped(&mut out, "plan         ", &format!("{} (sha256 {})", summary.batch.plan, short(&summary.batch.plan_sha256)));
     wrapped(&mut out, "rig          ", &format!("{} {}", summary.batch.rig.kind, summary.batch.rig.name));
     wrapped(&mut out, "decision     ", &summary.batch.decision_rule);
+    if let Some(text) = overridden(summary) {
+        wrapped(&mut out, "careful      ", &text);
+    }
     let counts: Vec<String> = summary.counts.iter().map(|(outcome, n)| format!("{n} {outcome}")).collect();
     wrapped(&mut out, "valves       ", &counts.join(", "));
     if summary.not_tested > 0 {
@@ -45,7 +48,8 @@ pub fn text(summary: &BatchSummary) -> String {
         out.push_str("\nnot passed\n");
         rule(&mut out, '-');
         for v in named.iter().take(NAMED) {
-            let _ = writeln!(out, "  {:<20} {:<9} {}", v.serial, format::outcome(v.outcome), v.reason.as_deref().unwrap_or(""));
+            let lead = format!("  {:<20} {:<9} ", v.serial, format::outcome(v.outcome));
+            wrapped(&mut out, &lead, v.reason.as_deref().unwrap_or(""));
         }
         if named.len() > NAMED {
             let _ = writeln!(out, "  and {} more: see the page or the CSV", named.len() - NAMED);
