@@ -3,6 +3,7 @@
 #[cfg(unix)]
 mod batch;
 mod blind;
+mod challenge;
 mod paper;
 mod peers;
 mod shipped;

@@ -1,0 +1,43 @@
+//! `hil challenge` from outside: the digest comes first and is that of the truth, and the diagnosis gets a folder
+//! without it.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use assert_cmd::Command;
+use sha2::{Digest, Sha256};
+
+fn names(folder: &Path) -> BTreeSet<String> {
+    std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect()
+}
+
+#[test]
+fn a_concealed_valve_is_sealed_diagnosed_opened_and_scored() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("kept");
+    let done = Command::cargo_bin("hil")?.args(["challenge", "--seed", "4", "--format", "json", "--out"]).arg(&out).output()?;
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let document: serde_json::Value = serde_json::from_slice(&done.stdout)?;
+    assert_eq!(document["schema"], "hil.challenge/1");
+    assert_eq!(document["figures"]["errors"], 0);
+
+    let truth = std::fs::read(out.join("sealed/truth.json"))?;
+    let digest: String = Sha256::digest(&truth).iter().map(|b| format!("{b:02x}")).collect();
+    assert_eq!(document["sealed_sha256"], digest.as_str());
+    let said = String::from_utf8(done.stderr)?;
+    let (head, rest) = said.split_once("case 1").ok_or("no progress was told")?;
+    assert!(head.contains(&digest) && !rest.contains(&digest), "the digest is told before the first case: {said}");
+
+    let allowed = ["sweep.csv", "record.csv", "model.toml", "augmented.toml", "diagnosis.json"].map(str::to_owned);
+    let seen = names(&out.join("case-01"));
+    assert!(seen.is_subset(&BTreeSet::from(allowed)) && seen.contains("record.csv"), "{seen:?}");
+    let truth: serde_json::Value = serde_json::from_slice(&truth)?;
+    assert_eq!(document["cases"][0]["truth"], truth["cases"][0]);
+    Ok(())
+}
+
+#[test]
+fn a_count_of_nothing_is_wrong_usage() -> Result<(), Box<dyn std::error::Error>> {
+    Command::cargo_bin("hil")?.args(["challenge", "--count", "0"]).assert().code(2);
+    Ok(())
+}
