@@ -1,6 +1,7 @@
 //! Modbus frames against peers that others wrote: mbpoll, a pymodbus client, pymodbus and libmodbus servers.
 //!
-//! `tests/peers/install.sh` installs them. Set `HIL_SKIP_PEERS` to go without; otherwise a missing peer is a failure.
+//! `tests/peers/install.sh` installs them; a clone without them passes with a note. With `HIL_PEERS` set, as `.ci/run`
+//! does, a missing peer is a failure.
 
 use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
@@ -19,12 +20,16 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Whether the peers are wanted; panics where they are, but are not installed.
+/// Whether the peers are there; panics where they are missing although `HIL_PEERS` asks for them.
 fn wanted() -> bool {
     if std::env::var_os("HIL_SKIP_PEERS").is_some() {
         return false;
     }
-    assert!(python().is_file(), "run tests/peers/install.sh, or set HIL_SKIP_PEERS");
+    if !python().is_file() {
+        assert!(std::env::var_os("HIL_PEERS").is_none(), "run tests/peers/install.sh");
+        eprintln!("not compared with other Modbus programs: run tests/peers/install.sh first");
+        return false;
+    }
     true
 }
 
