@@ -66,7 +66,7 @@ fn room(file: &str) -> Option<&str> {
 
 /// The part of a source file before its tests.
 fn without_tests(text: &str) -> &str {
-    let inline = |line: &str| line.contains("mod ") && line.ends_with('{');
+    let inline = |line: &str| line.contains("mod ") && line.contains('{');
     let mut ends = text.match_indices("\n#[cfg(test)]\n");
     let end = ends.find(|(at, mark)| text[at + mark.len()..].lines().next().is_some_and(inline));
     end.map_or(text, |(at, _)| &text[..at])
