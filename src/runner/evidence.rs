@@ -116,7 +116,8 @@ mod tests {
         quality[4] = Quality::Stale;
         let timing = timing(&trace(&quality), 0.01, 2, false);
         assert_eq!((timing.lost_samples, timing.stale_samples, timing.samples), (1, 1, 100));
-        assert_eq!((timing.lateness_p50_s, timing.lateness_p99_s, timing.lateness_max_s), (Some(49e-5), Some(98e-5), Some(99e-5)));
+        let micros = |v: Option<f64>| (v.unwrap() * 1e6).round();
+        assert_eq!([timing.lateness_p50_s, timing.lateness_p99_s, timing.lateness_max_s].map(micros), [490.0, 980.0, 990.0]);
         assert_eq!(timing.lateness_histogram.iter().map(|b| b.1).sum::<u64>(), 100);
         let limits =
             TimingLimits { max_lost: 0.005, max_stale: 0.02, max_missed: 0.02, max_lateness_p99_s: Some(5e-4), max_lateness_s: None };

@@ -23,7 +23,7 @@ impl Columns {
         let pairs = trace.pressure_bar.iter().zip(&trace.quality);
         let usable_bar = pairs.map(|(p, q)| if *q == Quality::Good { *p } else { f64::NAN }).collect();
         let needed = plan.phases.iter().flat_map(|p| &p.measures).any(|m| m.metric.needs_model());
-        let of = |valve: &Valve| if needed { simulate(valve, &trace.time_s, &trace.current_a).unwrap_or_default() } else { Vec::new() };
+        let of = |valve: &Valve| if needed { from_rest(valve, plan.period_s, trace) } else { Vec::new() };
         let average = Valve { hysteresis: Hysteresis::None, ..model.clone() };
         Self { usable_bar, model_bar: of(model), average_model_bar: of(&average) }
     }
@@ -46,6 +46,15 @@ impl Columns {
             delay_s,
         }
     }
+}
+
+/// The model's pressure for the commanded current; like the valve it starts at rest, one period before the run.
+fn from_rest(valve: &Valve, period_s: f64, trace: &Trace) -> Vec<f64> {
+    let Some(first) = trace.time_s.first() else { return Vec::new() };
+    let time_s: Vec<f64> = std::iter::once(first - period_s).chain(trace.time_s.iter().copied()).collect();
+    let current_a: Vec<f64> = std::iter::once(valve.current_limits_a.0).chain(trace.current_a.iter().copied()).collect();
+    // Without a model the metrics that need it say so.
+    simulate(valve, &time_s, &current_a).map(|p| p[1..].to_vec()).unwrap_or_default()
 }
 
 /// One figure of a phase that ran to its end.

@@ -14,3 +14,6 @@ mod run;
 pub use observer::{Observer, Progress};
 pub use prepare::Prepared;
 pub use run::{RunOptions, run};
+
+#[cfg(test)]
+mod tests;

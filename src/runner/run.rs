@@ -296,7 +296,7 @@ impl<'a> Bench<'a> {
         if sample.quality != Quality::Good {
             let since = self.last_good.map_or(0.0, |good| good.0);
             let silent = sample.time_s - since;
-            return if silent > limits.silence_s { trip("silence of", silent, limits.silence_s, "s") } else { Ok(()) };
+            return if silent > limits.silence_s + 1e-9 { trip("silence of", silent, limits.silence_s, "s") } else { Ok(()) };
         }
         let before = self.last_good.replace((sample.time_s, sample.pressure_bar));
         if let Some(most) = limits.max_pressure_bar

@@ -7,6 +7,7 @@ mod challenge;
 mod paper;
 mod peers;
 mod shipped;
+mod run;
 mod simulate;
 mod wire;
 mod wire_peers;

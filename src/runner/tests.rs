@@ -1,0 +1,256 @@
+//! The runner against rigs that behave, and rigs that do not.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use super::*;
+use crate::plan::Plan;
+use crate::record::{Dut, Outcome, TestRecord, Trace};
+use crate::rig::simulated::SimulatedRig;
+use crate::rig::{Quality, Rig, RigError, RigIdentity, SafeState, Sample};
+use crate::valve::Valve;
+
+const PLAN: &str = r#"
+schema = "hil.plan/1"
+name = "test"
+[interlocks]
+max_pressure = "35 bar"
+silence = "50 ms"
+[[setup]]
+name = "fill"
+stimulus.ramp = { from = "0 bar", to = "10 bar", over = "1 s" }
+[[phase]]
+name = "hold"
+stimulus.hold = { at = "10 bar", for = "1 s" }
+measure = [{ metric.rmse = {}, limit = { max = "0.5 bar" } }]
+[[phase]]
+name = "rise"
+repeat = 2
+stimulus.sequence = [{ ramp = { from = "10 bar", to = "20 bar", over = "0.5 s" } }, { ramp = { to = "10 bar", over = "0.5 s" } }]
+measure = [{ metric.rmse = {}, limit = { max = "0.5 bar" } }, { metric.model_rmse = {} }]
+[[teardown]]
+name = "release"
+stimulus.hold = { at = "0 A", for = "0.2 s" }
+"#;
+
+fn plan(text: &str) -> Plan {
+    Plan::from_toml(text, "test.toml", Path::new("."), &[]).unwrap()
+}
+
+fn valve() -> Valve {
+    Valve { noise_bar: 0.02, ..crate::control::test_valve() }
+}
+
+fn run_on(plan: &Plan, rig: &mut dyn Rig, stop: Option<&AtomicBool>) -> (TestRecord, Trace) {
+    let (model, dut) = (crate::control::test_valve(), Dut { serial: "t".into(), ..Dut::default() });
+    run(plan, rig, &RunOptions { model: &model, dut: &dut, seed: 3, stop, prepared: None }, &mut ())
+}
+
+fn simulated(seed: u64) -> SimulatedRig {
+    SimulatedRig::new(&valve(), 0.01, Some(seed), RigIdentity::default()).unwrap()
+}
+
+/// A simulated rig whose samples go through `change`; counts how often it was made safe.
+struct Faulty<F> {
+    inner: SimulatedRig,
+    change: F,
+    slots: usize,
+    made_safe: usize,
+    confirmed: bool,
+}
+
+impl<F: FnMut(usize, &mut Sample) -> Result<(), RigError>> Faulty<F> {
+    fn new(change: F) -> Self {
+        Self { inner: simulated(3), change, slots: 0, made_safe: 0, confirmed: true }
+    }
+}
+
+impl<F: FnMut(usize, &mut Sample) -> Result<(), RigError>> Rig for Faulty<F> {
+    fn identity(&self) -> RigIdentity {
+        RigIdentity { kind: "test".into(), ..RigIdentity::default() }
+    }
+    fn step(&mut self, command_a: f64, until_s: f64) -> Result<Sample, RigError> {
+        let mut sample = self.inner.step(command_a, until_s)?;
+        (self.change)(self.slots, &mut sample)?;
+        self.slots += 1;
+        Ok(sample)
+    }
+    fn make_safe(&mut self) -> Result<SafeState, RigError> {
+        self.made_safe += 1;
+        Ok(SafeState { confirmed: self.confirmed, evidence: "seen by the test".into() })
+    }
+}
+
+fn outcomes(record: &TestRecord) -> Vec<(&str, Outcome)> {
+    record.phases.iter().map(|p| (p.name.as_str(), p.outcome)).collect()
+}
+
+#[test]
+fn a_plan_runs_on_a_simulated_valve() {
+    let (record, trace) = run_on(&plan(PLAN), &mut simulated(3), None);
+    assert_eq!(record.outcome, Outcome::Pass, "{:?}", record.phases);
+    assert_eq!(
+        outcomes(&record),
+        [("fill", Outcome::NotRun), ("hold", Outcome::Pass), ("rise", Outcome::Pass), ("release", Outcome::NotRun)]
+    );
+    assert_eq!((trace.time_s.len(), record.timing.samples), (100 + 100 + 200 + 20, 420));
+    assert_eq!(record.phases[1].span_s, Some((1.0, 1.99)));
+    // The model is the plant but for the noise: the trace reproduces it sample by sample.
+    let model = record.phases[2].measurements[1].value.unwrap();
+    assert!((0.015..0.025).contains(&model), "{model}");
+    assert!(record.simulated && record.stability.is_some() && record.safe_state.is_none());
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_and_another_another() {
+    let of = |seed: u64| run_on(&plan(PLAN), &mut simulated(seed), None);
+    let (a, b, c) = (of(3), of(3), of(4));
+    assert_eq!(a.0, b.0);
+    assert_eq!(a.1.pressure_bar, b.1.pressure_bar);
+    assert_ne!(a.1.pressure_bar, c.1.pressure_bar);
+}
+
+#[test]
+fn a_signal_aborts_at_the_next_sample_and_makes_the_rig_safe() {
+    let stop = AtomicBool::new(false);
+    let mut rig = Faulty::new(|k, _: &mut Sample| {
+        if k == 130 {
+            stop.store(true, std::sync::atomic::Ordering::Relaxed);
+        }
+        Ok(())
+    });
+    let (record, trace) = run_on(&plan(PLAN), &mut rig, Some(&stop));
+    assert_eq!((record.outcome, trace.time_s.len(), rig.made_safe), (Outcome::Aborted, 131, 1));
+    assert_eq!(
+        outcomes(&record),
+        [("fill", Outcome::NotRun), ("hold", Outcome::Aborted), ("rise", Outcome::NotRun), ("release", Outcome::NotRun)]
+    );
+    assert_eq!(record.phases[1].measurements[0].value, None);
+    assert_eq!(record.reasons, ["stopped by a signal"]);
+}
+
+#[test]
+fn an_interlock_ends_the_run_before_the_next_slot() {
+    let mut rig = Faulty::new(|k, s: &mut Sample| {
+        if k == 150 {
+            s.pressure_bar = 36.0;
+        }
+        Ok(())
+    });
+    let (record, trace) = run_on(&plan(PLAN), &mut rig, None);
+    assert_eq!((record.outcome, trace.time_s.len(), rig.made_safe), (Outcome::Error, 151, 1));
+    insta::assert_snapshot!(record.reasons.join("\n"), @"interlock: pressure 36.000 bar at 1.500 s, at most 35.000 bar");
+    assert_eq!(record.safe_state.unwrap().evidence, "seen by the test");
+}
+
+#[test]
+fn silence_ends_the_run_and_lost_samples_make_it_invalid() {
+    let silent = |from: usize, to: usize| {
+        move |k: usize, s: &mut Sample| {
+            if (from..to).contains(&k) {
+                s.quality = Quality::Held;
+            }
+            Ok(())
+        }
+    };
+    let (record, _) = run_on(&plan(PLAN), &mut Faulty::new(silent(150, 400)), None);
+    assert_eq!(record.outcome, Outcome::Error);
+    insta::assert_snapshot!(record.reasons.join("\n"), @r"
+    interlock: silence of 0.050 s at 1.540 s, at most 0.050 s
+    lost samples: 5 of 155 (3.226 %), at most 1.000 % are allowed
+    ");
+    let (record, _) = run_on(
+        &plan(PLAN),
+        &mut Faulty::new(|k, s: &mut Sample| {
+            if (150..153).contains(&k) || (250..253).contains(&k) {
+                s.quality = Quality::Held;
+            }
+            Ok(())
+        }),
+        None,
+    );
+    assert_eq!(record.outcome, Outcome::Invalid);
+    insta::assert_snapshot!(record.reasons.join("\n"), @"lost samples: 6 of 420 (1.429 %), at most 1.000 % are allowed");
+}
+
+#[test]
+fn a_stale_pressure_reaches_neither_the_controller_nor_a_metric() {
+    let mut rig = Faulty::new(|k, s: &mut Sample| {
+        if k % 50 == 7 {
+            s.quality = Quality::Stale;
+            s.pressure_bar = 999.0;
+        }
+        Ok(())
+    });
+    let tolerant = PLAN.replace("[interlocks]", "timing.max_stale = \"5 %\"\n[interlocks]");
+    let (record, _) = run_on(&plan(&tolerant), &mut rig, None);
+    assert_eq!((record.outcome, record.timing.stale_samples), (Outcome::Pass, 9));
+}
+
+#[test]
+fn a_failed_phase_stops_the_main_phases_but_not_the_teardown() {
+    let strict = PLAN.replacen("max = \"0.5 bar\"", "max = \"0.001 bar\"", 1);
+    let (record, _) = run_on(&plan(&strict.replace("[interlocks]", "on_fail = \"stop\"\n[interlocks]")), &mut simulated(3), None);
+    assert_eq!(record.outcome, Outcome::Fail);
+    assert_eq!(
+        outcomes(&record),
+        [("fill", Outcome::NotRun), ("hold", Outcome::Fail), ("rise", Outcome::NotRun), ("release", Outcome::NotRun)]
+    );
+    assert_eq!((record.phases[2].span_s, record.phases[2].reason.as_deref()), (None, Some("phase `hold` failed")));
+    assert!(record.phases[3].span_s.is_some(), "teardown runs");
+    let (record, _) = run_on(&plan(&strict), &mut simulated(3), None);
+    assert!(record.phases[2].span_s.is_some(), "without on_fail the rest runs");
+}
+
+#[test]
+fn a_rig_that_fails_or_cannot_be_made_safe_is_an_error() {
+    let mut rig = Faulty::new(|k, s: &mut Sample| match k {
+        120 => Err(RigError::Exhausted { source_name: "bench".into(), time_s: s.time_s }),
+        _ => Ok(()),
+    });
+    let (record, _) = run_on(&plan(PLAN), &mut rig, None);
+    assert_eq!((record.outcome, rig.made_safe), (Outcome::Error, 1));
+    let mut rig = Faulty::new(|_, _: &mut Sample| Ok(()));
+    rig.confirmed = false;
+    let (record, _) = run_on(&plan(PLAN), &mut rig, None);
+    assert_eq!(record.outcome, Outcome::Error);
+    assert_eq!(record.reasons, ["SAFE STATE NOT CONFIRMED: seen by the test"]);
+}
+
+#[test]
+fn a_panic_leaves_the_rig_safe() {
+    let mut rig = Faulty::new(|k, _: &mut Sample| if k == 50 { panic!("of the test") } else { Ok(()) });
+    let plan = plan(PLAN);
+    let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run_on(&plan, &mut rig, None)));
+    assert!(caught.is_err());
+    assert_eq!(rig.made_safe, 1);
+}
+
+#[test]
+fn missed_slots_are_skipped_not_doubled() {
+    let mut rig = Faulty::new(|k, s: &mut Sample| {
+        s.missed_slots = u32::from(k == 110) * 2;
+        Ok(())
+    });
+    let (record, trace) = run_on(&plan(PLAN), &mut rig, None);
+    assert_eq!((record.timing.missed_slots, trace.time_s.len()), (2, 418));
+    // After the gap the stimulus goes on where the clock is.
+    assert!((trace.time_s[111] - 1.13).abs() < 1e-9);
+}
+
+#[test]
+fn preconditions_are_watched_on_a_bench() {
+    let wanting = plan(&PLAN.replace("[interlocks]", "preconditions.oil_temp = { min = \"35 degC\", max = \"45 degC\" }\n[interlocks]"));
+    let with = |oil: Option<f64>| {
+        let mut rig = Faulty::new(move |_, s: &mut Sample| {
+            s.oil_temp_c = oil;
+            Ok(())
+        });
+        run_on(&wanting, &mut rig, None).0
+    };
+    assert_eq!(with(Some(40.0)).outcome, Outcome::Pass);
+    insta::assert_snapshot!(with(Some(50.0)).reasons.join("\n"), @"precondition: oil temperature 50.0 degC at 0.000 s, wanted 35 to 45 degC");
+    insta::assert_snapshot!(with(None).reasons.join("\n"), @"precondition: the rig has no oil temperature, but the plan wants 35 to 45 degC");
+    assert_eq!(with(None).outcome, Outcome::Invalid);
+    assert_eq!(run_on(&wanting, &mut simulated(3), None).0.outcome, Outcome::Pass, "a simulation has no oil");
+}
