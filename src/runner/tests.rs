@@ -156,8 +156,8 @@ fn silence_ends_the_run_and_lost_samples_make_it_invalid() {
     let (record, _) = run_on(&plan(PLAN), &mut Faulty::new(silent(150, 400)), None);
     assert_eq!(record.outcome, Outcome::Error);
     insta::assert_snapshot!(record.reasons.join("\n"), @r"
-    interlock: silence of 0.050 s at 1.540 s, at most 0.050 s
-    lost samples: 5 of 155 (3.226 %), at most 1.000 % are allowed
+    interlock: silence of 0.060 s at 1.550 s, at most 0.050 s
+    lost samples: 6 of 156 (3.846 %), at most 1.000 % are allowed
     ");
     let (record, _) = run_on(
         &plan(PLAN),
