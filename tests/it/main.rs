@@ -4,6 +4,7 @@
 mod batch;
 mod blind;
 mod challenge;
+mod identify;
 mod paper;
 mod peers;
 mod run;
