@@ -13,6 +13,8 @@ const ORDERS: std::ops::RangeInclusive<usize> = 1..=8;
 const ORDER_GAIN: f64 = 0.004;
 /// Blocks into which a recording is cut for the held-out error.
 const BLOCKS: usize = 80;
+/// Folds where whole runs are held out.
+const RUN_FOLDS: usize = 6;
 
 /// Huber's threshold for a residual [bar].
 pub(super) fn threshold(residual: &[f64], weights: &[f64], noise_bar: f64) -> f64 {
@@ -87,16 +89,16 @@ pub struct OrderError {
     pub heldout_bar: f64,
 }
 
-/// Finds the order of the curves by two-fold held-out error over alternating blocks (or runs).
+/// Finds the order of the curves by held-out error over scattered blocks, or over runs.
 pub(super) fn choose_order(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64, largest: usize) -> (usize, Vec<OrderError>) {
-    let folds = folds(problem, &fit.shape);
+    let (folds, count_of_folds) = folds(problem, &fit.shape);
     let mut tried: Vec<OrderError> = Vec::new();
     let count = weights.iter().filter(|w| **w > 0.0).count().max(1) as f64;
     for order in ORDERS.filter(|o| *o <= largest) {
         let shape = Shape { order, ..fit.shape.clone() };
         let start = fit.shape.convert(&fit.theta, &shape, 0.0);
         let mut sum = 0.0;
-        for held in [false, true] {
+        for held in 0..count_of_folds {
             let train: Vec<f64> = weights.iter().zip(&folds).map(|(w, f)| if *f == held { 0.0 } else { *w }).collect();
             // Delay, lag and starts are the same for all orders.
             let trained = problem.minimise_first(&shape, &start, &train, limit, 5, shape.delay());
@@ -116,16 +118,17 @@ pub(super) fn choose_order(problem: &Problem<'_>, fit: &Fit, weights: &[f64], li
     (order, tried)
 }
 
-/// Which samples belong to the second fold. Step tests hold one level per run, so whole runs are held out.
-fn folds(problem: &Problem<'_>, shape: &Shape) -> Vec<bool> {
-    let by_run = !shape.hysteresis && problem.segments.len() >= 3;
+/// The fold of every sample, and the number of folds. Step tests hold one level per run, so whole runs are held out.
+fn folds(problem: &Problem<'_>, shape: &Shape) -> (Vec<usize>, usize) {
+    let runs = problem.segments.len();
+    let by_run = !shape.hysteresis && runs >= 3;
     let block = (problem.len() / BLOCKS).max(20);
     let mut out = Vec::with_capacity(problem.len());
     for (k, s) in problem.segments.iter().enumerate() {
         let begin = problem.range(k).start;
-        out.extend((0..s.len()).map(|j| if by_run { k % 2 == 1 } else { scattered((begin + j) / block) }));
+        out.extend((0..s.len()).map(|j| if by_run { k % RUN_FOLDS } else { usize::from(scattered((begin + j) / block)) }));
     }
-    out
+    (out, if by_run { runs.min(RUN_FOLDS) } else { 2 })
 }
 
 /// Half of all numbers, without a period: every second block would show a periodic sweep always the same currents.
