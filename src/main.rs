@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    ExitCode::from(hil::cli::main())
+    // A panic is a bug; its message is already on stderr.
+    ExitCode::from(std::panic::catch_unwind(hil::cli::main).unwrap_or(hil::cli::exit::INTERNAL))
 }
