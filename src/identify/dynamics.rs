@@ -15,7 +15,7 @@ const GRID_STEP: f64 = 0.25;
 /// Lags of the grid, in samples.
 const LAGS: [f64; 7] = [0.3, 0.6, 1.0, 2.0, 4.0, 8.0, 16.0];
 /// Starts that are followed from the grid.
-const FOLLOWED: usize = 4;
+const FOLLOWED: usize = 3;
 /// A step is a jump by this share of the recorded range.
 const STEP_SHARE: f64 = 0.05;
 /// Gain in the Bayesian information criterion that a lag must bring: "strong" (Kass and Raftery 1995).

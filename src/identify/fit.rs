@@ -35,6 +35,17 @@ pub(super) struct Problem<'a> {
     offsets: Vec<usize>,
 }
 
+/// How far a descent goes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    /// Most steps.
+    pub iterations: usize,
+    /// Only the first parameters move; the others stay as they are.
+    pub free: usize,
+    /// Stops where a step lowers the loss by less than this share.
+    pub tolerance: f64,
+}
+
 /// A fitted parameter vector.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
@@ -236,11 +247,12 @@ impl<'a> Problem<'a> {
 
     /// Minimises the loss from `start` in at most `iterations` steps.
     pub fn minimise(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, iterations: usize) -> Fit {
-        self.minimise_first(shape, start, weights, threshold_bar, iterations, shape.len())
+        self.descend(shape, start, weights, threshold_bar, Effort { iterations, free: shape.len(), tolerance: 1e-7 })
     }
 
-    /// As [`Problem::minimise`] over the first `free` parameters only; the others stay as they are.
-    pub fn minimise_first(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, iterations: usize, free: usize) -> Fit {
+    /// As [`Problem::minimise`] with the effort given.
+    pub fn descend(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, effort: Effort) -> Fit {
+        let Effort { iterations, free, tolerance } = effort;
         let mut theta = start.to_vec();
         self.clamp(shape, &mut theta);
         let mut delayed = self.delayed(theta[shape.delay()]);
@@ -279,7 +291,7 @@ impl<'a> Problem<'a> {
                 }
                 damping = (damping * 5.0).max(1e-6);
             }
-            if !improved || before - cost < 1e-7 * before {
+            if !improved || before - cost < tolerance * before {
                 break;
             }
         }

@@ -1,6 +1,6 @@
 //! Robust rounds of the fit, and the order of the curves by held-out error.
 
-use super::fit::{Fit, Problem, loss, robust_sigma};
+use super::fit::{Effort, Fit, Problem, loss, robust_sigma};
 use super::model::Shape;
 
 /// Huber's threshold in robust deviations of the residual: a step that the model misses stays in, with less weight.
@@ -101,7 +101,8 @@ pub(super) fn choose_order(problem: &Problem<'_>, fit: &Fit, weights: &[f64], li
         for held in 0..count_of_folds {
             let train: Vec<f64> = weights.iter().zip(&folds).map(|(w, f)| if *f == held { 0.0 } else { *w }).collect();
             // Delay, lag and starts are the same for all orders.
-            let trained = problem.minimise_first(&shape, &start, &train, limit, 5, shape.delay());
+            let effort = Effort { iterations: 5, free: shape.delay(), tolerance: 1e-4 };
+            let trained = problem.descend(&shape, &start, &train, limit, effort);
             sum += trained
                 .residual_bar
                 .iter()

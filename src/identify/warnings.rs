@@ -21,18 +21,22 @@ pub(super) fn notes(recording: &Recording, survey: &Survey, fit: &Fit, valve: &V
         out.push(format!("{} samples stand alone, far from their neighbours, and were left out as outliers", survey.outliers));
     }
     if let Some(floor) = survey.floor_bar {
-        out.push(format!("the pressure stands at a floor of {floor:.3} bar below {:.3} A: the curves begin there", survey.covered_a.0));
+        let seen = survey.covered_a.0 > survey.recorded_a.0;
+        let from = if seen { format!(" below {:.3} A: the curves begin there", survey.covered_a.0) } else { String::new() };
+        out.push(format!("the pressure stands at a floor of {floor:.3} bar{from}"));
     }
-    let late_s = valve.delay_s + valve.lag_s;
-    let wide_a = 2.0 * survey.rate_a_per_s * late_s;
-    let slope = fit.theta.get(1).map_or(0.0, |c| 2.0 * c / (fit.shape.range_a.1 - fit.shape.range_a.0));
-    out.push(format!(
-        "the current moves at {:.4} A/s (median); delay and lag of {:.1} ms would widen the loop by {:.2} mA or {:.3} bar, which the model takes out",
-        survey.rate_a_per_s,
-        1e3 * late_s,
-        1e3 * wide_a,
-        wide_a * slope
-    ));
+    if fit.shape.hysteresis {
+        let late_s = valve.delay_s + valve.lag_s;
+        let wide_a = 2.0 * survey.rate_a_per_s * late_s;
+        let slope = fit.theta.get(1).map_or(0.0, |c| 2.0 * c / (fit.shape.range_a.1 - fit.shape.range_a.0));
+        out.push(format!(
+            "the current moves at {:.4} A/s (median); delay and lag of {:.1} ms would widen the loop by {:.2} mA or {:.3} bar, which the model takes out",
+            survey.rate_a_per_s,
+            1e3 * late_s,
+            1e3 * wide_a,
+            wide_a * slope
+        ));
+    }
     if recording.runs.len() > 1 {
         out.push(format!("{} runs, each simulated from its own start", recording.runs.len()));
     }
@@ -106,7 +110,7 @@ pub(super) fn warnings(
     if let Some((delay, e)) = error("delay") {
         if 2.0 * e > half_step.max(0.005) {
             let why = if survey.steps > 0 {
-                "its form is not quite that of the model"
+                "the answer to a step is not quite a delay and a lag"
             } else {
                 "at a constant rate delay and loop width trade places; steps, other rates or minor loops tell them apart"
             };

@@ -63,15 +63,26 @@ fn tiles(found: &Identified) -> Markup {
     }
 }
 
+/// A sweep is a line; step tests jump, and lines between their samples would say what was not measured.
+fn stroke(found: &Identified) -> Stroke {
+    if found.valve.hysteresis == crate::valve::Hysteresis::None { Stroke::Points } else { Stroke::Thin }
+}
+
 fn loops(found: &Identified) -> Markup {
     let mut figure = Figure::new("Pressure over the delayed current", "current [A]", "pressure [bar]").height(420);
+    let hysteresis = found.valve.hysteresis != crate::valve::Hysteresis::None;
     for (n, trace) in found.traces.iter().enumerate() {
         let name = if n == 0 { "measured" } else { "" };
-        figure = figure.series(name, Color::Measured, Stroke::Thin, trace.delayed_current_a.clone(), trace.measured_bar.clone());
+        figure = figure.series(name, Color::Measured, stroke(found), trace.delayed_current_a.clone(), trace.measured_bar.clone());
     }
     let curves = &found.curves;
-    figure = figure.line("ascending curve", Color::Ascending, curves.current_a.clone(), curves.ascending_bar.clone());
-    if found.valve.hysteresis != crate::valve::Hysteresis::None {
+    figure = figure.line(
+        if hysteresis { "ascending curve" } else { "curve" },
+        Color::Ascending,
+        curves.current_a.clone(),
+        curves.ascending_bar.clone(),
+    );
+    if hysteresis {
         figure = figure.line("descending curve", Color::Descending, curves.current_a.clone(), curves.descending_bar.clone());
     }
     figure.caption("The curves are drawn over the range in which the recording shows them.").render()
@@ -81,7 +92,7 @@ fn over_current(found: &Identified) -> Markup {
     let mut figure = Figure::new("Residual over current", "current [A]", "simulated - measured [bar]");
     for (n, trace) in found.traces.iter().enumerate() {
         let name = if n == 0 { "residual" } else { "" };
-        figure = figure.series(name, Color::Error, Stroke::Thin, trace.delayed_current_a.clone(), trace.residual_bar.clone());
+        figure = figure.series(name, Color::Error, stroke(found), trace.delayed_current_a.clone(), trace.residual_bar.clone());
     }
     figure.caption("A pattern here is a shape that the curves do not have; noise alone is a band of even height.").render()
 }
