@@ -1,1 +1,98 @@
 //! Where a simulation and a recording differ, what physics is missing, and how sure that is.
+//!
+//! A candidate effect is a block of the same pipeline that `--sim` uses. Each is fitted by simulation error, jointly
+//! with the base model; "recalibrate only" gets the same effort. The choice is by BIC on effective samples and by
+//! what held-out stretches show. This room knows no effect by name.
+
+mod conclude;
+mod diagnosis;
+mod evidence;
+mod fit;
+mod heldout;
+mod locate;
+mod loss;
+mod model;
+mod remainder;
+mod search;
+mod words;
+
+pub use diagnosis::{
+    Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, SCHEMA, Verdict, Window,
+};
+pub use words::{figure, title};
+
+use conclude::{Findings, Scattered};
+use evidence::Evidence;
+use fit::Fitter;
+use model::{Model, Simulator};
+
+use crate::physics::{EFFECTS, Kind, Scatter};
+use crate::recording::Recording;
+use crate::valve::Valve;
+
+/// Why a recording cannot be diagnosed.
+#[derive(Debug, thiserror::Error)]
+pub enum DiagnoseError {
+    /// The recording cannot carry a diagnosis.
+    #[error("{source_name}: {problem}")]
+    Recording {
+        /// The recording.
+        source_name: String,
+        /// What is missing, and what is wanted.
+        problem: String,
+    },
+    /// The model cannot be simulated.
+    #[error("{model}: {source}")]
+    Model {
+        /// The model's name.
+        model: String,
+        /// What is wrong.
+        source: crate::physics::PhysicsError,
+    },
+}
+
+/// Diagnoses a recording against a model.
+///
+/// # Errors
+/// [`DiagnoseError`] where the recording is too short, has no excitation or no pressure, or the model cannot be simulated.
+pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, DiagnoseError> {
+    let mut evidence = Evidence::of(recording)?;
+    let base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source })?;
+    if let Some(problem) = evidence.mismatch(valve) {
+        return Err(DiagnoseError::Recording { source_name: recording.source.clone(), problem });
+    }
+    evidence.notes.extend(valve.warnings());
+    let mut fitter = Fitter::new(&evidence);
+    // Readings that measure nothing go first, so that they hide nothing else.
+    let null = fitter.recalibrate(&base, &[]);
+    let mut scattered = scatter(&fitter, &null, &[]);
+    for s in &scattered {
+        for k in &s.finding.masked {
+            fitter.measured[*k] = f64::NAN;
+        }
+    }
+    scattered.retain(|s| !s.finding.masked.is_empty());
+    let search = search::search(&mut fitter, &base);
+    // What only the scatter shows is looked for about the best course.
+    let late = scatter(&fitter, &search.chosen, &scattered);
+    scattered.extend(late);
+    Ok(Findings { recording, base: &base, fitter: &fitter, search: &search, scattered }.conclude())
+}
+
+/// The effects of the scatter that show about this fit, but for those that are known.
+fn scatter(fitter: &Fitter<'_>, fit: &fit::Fit<'_>, known: &[Scattered]) -> Vec<Scattered> {
+    let mut simulated = Vec::new();
+    Simulator::new(fitter.evidence).pressure(&fit.model, &fit.theta, &mut simulated);
+    let look = Scatter {
+        dt_s: fitter.evidence.grids[0].dt_s,
+        noise_bar: fitter.evidence.noise_bar,
+        measured_bar: &fitter.measured,
+        simulated_bar: &simulated,
+    };
+    EFFECTS
+        .iter()
+        .copied()
+        .filter(|e| e.kind() == Kind::Scatter && !known.iter().any(|k| k.effect.id() == e.id()))
+        .filter_map(|effect| effect.scatter(&look).map(|finding| Scattered { effect, finding }))
+        .collect()
+}

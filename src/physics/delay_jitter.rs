@@ -15,7 +15,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::effect::{Block, Context, Effect, Kind, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use super::transport_delay::Through;
 use crate::units::TIME;
 
@@ -45,6 +45,75 @@ impl Effect for DelayJitter {
             meaning: "standard deviation of the dead time",
         }];
         &PARAMETERS
+    }
+    /// The error over the slope of the pressure where it is steep: a time shift of its own for each message.
+    fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
+        let n = of.measured_bar.len();
+        let steep = STEEP * of.noise_bar / 0.005;
+        let mut shifts: Vec<(usize, f64)> = Vec::new();
+        let mut slopes = vec![0.0; n];
+        for k in 1..n.saturating_sub(1) {
+            let slope = (of.simulated_bar[k + 1] - of.simulated_bar[k - 1]) / (2.0 * of.dt_s);
+            slopes[k] = slope;
+            let error = of.measured_bar[k] - of.simulated_bar[k];
+            if slope.abs() > steep && error.is_finite() {
+                shifts.push((k, -error / slope));
+            }
+        }
+        if shifts.len() < FEWEST {
+            return None;
+        }
+        let median = |mut v: Vec<f64>| {
+            let middle = v.len() / 2;
+            *v.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let centre = median(shifts.iter().map(|s| s.1).collect());
+        let spread_s = 1.4826 * median(shifts.iter().map(|s| (s.1 - centre).abs()).collect());
+        // Neighbouring shifts of one slope: alike for a wrong model, each of its own for a jitter.
+        let clip = |s: f64| (s - centre).clamp(-3.0 * spread_s, 3.0 * spread_s);
+        let at = |lag: usize| {
+            let (mut sum, mut count) = (0.0, 0usize);
+            let mut j = 0;
+            for (k, s) in &shifts {
+                while j < shifts.len() && shifts[j].0 < k + lag {
+                    j += 1;
+                }
+                if j < shifts.len() && shifts[j].0 == k + lag {
+                    sum += clip(*s) * clip(shifts[j].1);
+                    count += 1;
+                }
+            }
+            if count < FEWEST / 2 { f64::NAN } else { sum / count as f64 }
+        };
+        let variance = shifts.iter().map(|s| clip(s.1).powi(2)).sum::<f64>() / shifts.len() as f64;
+        let alike = at(3) / variance;
+        let own = median(shifts.iter().map(|(k, _)| of.noise_bar / slopes[*k].abs()).collect());
+        let spread_s = (spread_s * spread_s - own * own).max(0.0).sqrt();
+        if spread_s < SMALLEST_S || !(alike < 0.35) {
+            return None;
+        }
+        let spread_bar: Vec<f64> = slopes.iter().map(|s| spread_s * s.abs()).collect();
+        let gain_nats = (0..n)
+            .filter(|k| of.measured_bar[*k].is_finite())
+            .map(|k| {
+                let (e2, v0) = ((of.measured_bar[k] - of.simulated_bar[k]).powi(2), of.noise_bar.powi(2));
+                let v1 = v0 + spread_bar[k].powi(2);
+                // Bounded, so that single events do not decide.
+                (0.5 * (e2.min(40.0 * v1) / v0 - e2.min(40.0 * v1) / v1 - (v1 / v0).ln())).min(50.0)
+            })
+            .sum::<f64>();
+        (gain_nats > 20.0).then(|| ScatterFinding {
+            theta: vec![spread_s],
+            std_errors: vec![spread_s / (2.0 * shifts.len() as f64).sqrt()],
+            gain_nats,
+            masked: Vec::new(),
+            spread_bar,
+            evidence: format!(
+                "on {} steep samples the time shift of the pressure scatters by {:.1} ms, and shifts three samples apart are not alike (correlation {alike:.2})",
+                shifts.len(),
+                1e3 * spread_s
+            ),
+        })
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
         match context.seed {
@@ -77,3 +146,10 @@ impl Block for Jitter {
         self.past[whole] + part * (self.past[whole + 1] - self.past[whole])
     }
 }
+
+/// A slope is steep where a shift of 5 ms exceeds the noise this many times.
+const STEEP: f64 = 2.5;
+/// Fewest steep samples.
+const FEWEST: usize = 40;
+/// Smallest spread that is claimed [s]: below it lies the accuracy of any model of the dynamics.
+const SMALLEST_S: f64 = 0.003;

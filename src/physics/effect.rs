@@ -32,6 +32,8 @@ pub enum Kind {
     Course,
     /// In the scatter about the course: judged by likelihood and signature, not by RMSE.
     Scatter,
+    /// In the form of the static curve: a finding about the calibration that stands beside any other effect.
+    Form,
 }
 
 /// One parameter of an effect.
@@ -110,6 +112,16 @@ pub trait Effect: Sync {
     /// The effect at work.
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block>;
 
+    /// Further starts of a fit that the residual suggests, besides those of the parameters.
+    fn propose(&self, _: &Hint<'_>) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
+    /// For an effect of the scatter: whether its signature is in the recording.
+    fn scatter(&self, _: &Scatter<'_>) -> Option<ScatterFinding> {
+        None
+    }
+
     /// The manual page: the head of the source file.
     fn doc(&self) -> String {
         let head = self.source_text().lines().take_while(|l| l.starts_with("//!"));
@@ -177,4 +189,49 @@ pub enum PhysicsError {
     /// Times that do not increase, or no samples.
     #[error("{0}")]
     Input(String),
+}
+
+/// What the residual of the present model looks like, for an effect to propose where its fit begins.
+#[derive(Debug, Clone, Copy)]
+pub struct Hint<'a> {
+    /// Time of the first sample [s].
+    pub start_s: f64,
+    /// Time step [s].
+    pub dt_s: f64,
+    /// Measured minus simulated [bar]; NaN where not measured.
+    pub residual_bar: &'a [f64],
+    /// Simulated [bar].
+    pub pressure_bar: &'a [f64],
+    /// Robust scale of the residual [bar].
+    pub scale_bar: f64,
+}
+
+/// What an effect of the scatter looks at.
+#[derive(Debug, Clone, Copy)]
+pub struct Scatter<'a> {
+    /// Time step [s].
+    pub dt_s: f64,
+    /// Standard deviation of the sensor noise [bar].
+    pub noise_bar: f64,
+    /// Measured [bar]; NaN where not measured.
+    pub measured_bar: &'a [f64],
+    /// Simulated [bar].
+    pub simulated_bar: &'a [f64],
+}
+
+/// What an effect of the scatter found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScatterFinding {
+    /// Its parameters.
+    pub theta: Vec<f64>,
+    /// Their standard errors.
+    pub std_errors: Vec<f64>,
+    /// Gain of the log-likelihood [nats].
+    pub gain_nats: f64,
+    /// Readings that are no measurement of the pressure and must not enter a fit.
+    pub masked: Vec<usize>,
+    /// Standard deviation of what it adds to each sample [bar].
+    pub spread_bar: Vec<f64>,
+    /// The figures that speak for it.
+    pub evidence: String,
 }

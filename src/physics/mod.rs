@@ -31,7 +31,7 @@ mod stiction;
 mod supply_saturation;
 mod transport_delay;
 
-pub use effect::{Block, Context, Effect, Kind, Parameter, PhysicsError, Signals, Stage, Theta};
+pub use effect::{Block, Context, Effect, Hint, Kind, Parameter, PhysicsError, Scatter, ScatterFinding, Signals, Stage, Theta};
 pub use linear::{DelayLine, FirstOrder, SecondOrder};
 pub use pipeline::{Pipeline, resolve, simulate, specification};
 pub use plant::Plant;

@@ -10,7 +10,7 @@
 //!
 //! Source: Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., section 4.2 (aliasing).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Hint, Parameter, Stage, Theta};
 use crate::units::{FREQUENCY, PRESSURE};
 
 /// The effect `periodic_disturbance`.
@@ -55,6 +55,10 @@ impl Effect for PeriodicDisturbance {
         ];
         &PARAMETERS
     }
+    /// The strongest line of the spectrum of the residual, with its amplitudes.
+    fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
+        strongest_line(hint).into_iter().map(|(f, s, c)| vec![f, s, c]).collect()
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
         let w = std::f64::consts::TAU * theta[0];
         let turn = w * context.dt_s;
@@ -78,4 +82,49 @@ impl Block for Tone {
         self.now = (s * self.turn.1 + c * self.turn.0, c * self.turn.1 - s * self.turn.0);
         input + self.sine * s + self.cosine * c
     }
+}
+
+/// Frequency [Hz], sine and cosine amplitude [bar] of the line that stands highest above its neighbourhood.
+fn strongest_line(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
+    let n = hint.residual_bar.len();
+    if n < 256 {
+        return None;
+    }
+    let clip = 4.0 * hint.scale_bar;
+    let clipped: Vec<f64> = hint.residual_bar.iter().map(|e| if e.is_finite() { e.clamp(-clip, clip) } else { 0.0 }).collect();
+    let mut planner = realfft::RealFftPlanner::<f64>::new();
+    let forward = planner.plan_fft_forward(n);
+    let (mut input, mut spectrum) = (clipped.clone(), forward.make_output_vec());
+    forward.process(&mut input, &mut spectrum).ok()?;
+    let power: Vec<f64> = spectrum.iter().map(realfft::num_complex::Complex::norm_sqr).collect();
+    const HALF: usize = 20;
+    let lowest = ((0.3 * n as f64 * hint.dt_s) as usize).max(HALF);
+    let peak =
+        (lowest..power.len().saturating_sub(HALF)).max_by(|a, b| prominence(&power, *a, HALF).total_cmp(&prominence(&power, *b, HALF)))?;
+    // Between the bins: the frequency at which the projection is largest.
+    let project = |f: f64| {
+        let w = std::f64::consts::TAU * f;
+        let (mut s, mut c) = (0.0, 0.0);
+        for (k, e) in clipped.iter().enumerate() {
+            let (sin, cos) = (w * (hint.start_s + k as f64 * hint.dt_s)).sin_cos();
+            s += e * sin;
+            c += e * cos;
+        }
+        (2.0 * s / n as f64, 2.0 * c / n as f64)
+    };
+    let bin = 1.0 / (n as f64 * hint.dt_s);
+    let candidates = (-4..=4).map(|j| (peak as f64 + 0.2 * f64::from(j)) * bin);
+    let size = |f: &f64| {
+        let (s, c) = project(*f);
+        s * s + c * c
+    };
+    let best = candidates.max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    let (s, c) = project(best);
+    Some((best, s, c))
+}
+
+/// Power of a bin over the mean of its neighbourhood.
+fn prominence(power: &[f64], at: usize, half: usize) -> f64 {
+    let around: f64 = power[at - half..at - 2].iter().chain(&power[at + 3..at + half]).sum();
+    power[at] / (around + 1e-300)
 }

@@ -10,7 +10,7 @@
 //!
 //! Source: de Boor, A Practical Guide to Splines, Springer 2001, chapter III (broken lines).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Kind, Parameter, Stage, Theta};
 use crate::units::PRESSURE;
 
 /// The effect `reference_shape`.
@@ -28,6 +28,9 @@ impl Effect for ReferenceShape {
     }
     fn stage(&self) -> Stage {
         Stage::Curve
+    }
+    fn kind(&self) -> Kind {
+        Kind::Form
     }
     fn parameters(&self) -> &'static [Parameter] {
         const fn knot(name: &'static str) -> Parameter {

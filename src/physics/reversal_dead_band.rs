@@ -31,7 +31,7 @@ impl Effect for ReversalDeadBand {
         static PARAMETERS: [Parameter; 1] = [Parameter {
             name: "width",
             unit: &CURRENT,
-            range: (0.0, 0.3),
+            range: (0.0005, 0.3),
             starts: &[0.008, 0.02, 0.05],
             default: None,
             meaning: "current between the flanks of the play",

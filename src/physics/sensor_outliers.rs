@@ -16,7 +16,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::effect::{Block, Context, Effect, Kind, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use super::transport_delay::Through;
 use crate::units::{PRESSURE, RATIO};
 
@@ -57,6 +57,46 @@ impl Effect for SensorOutliers {
         ];
         &PARAMETERS
     }
+    /// Readings far from the median of their neighbours' errors, where the pressure itself hardly moves.
+    fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
+        let error: Vec<f64> = of.measured_bar.iter().zip(of.simulated_bar).map(|(y, p)| y - p).collect();
+        let (mut masked, mut sizes) = (Vec::new(), Vec::new());
+        for k in REACH..error.len().saturating_sub(REACH) {
+            let mut around: Vec<f64> = (k - REACH..=k + REACH).filter(|j| *j != k).map(|j| error[j]).filter(|e| e.is_finite()).collect();
+            if around.len() < 4 || !error[k].is_finite() {
+                continue;
+            }
+            around.sort_by(f64::total_cmp);
+            let middle = 0.5 * (around[around.len() / 2] + around[(around.len() - 1) / 2]);
+            // How unsure the neighbourhood itself is: its own spread, and how fast the pressure moves there.
+            let unrest = around[around.len() - 2] - around[1];
+            let slope = (k - REACH..k + REACH).map(|j| (of.simulated_bar[j + 1] - of.simulated_bar[j]).abs()).fold(0.0, f64::max);
+            let away = error[k] - middle;
+            if away.abs() > 6.0 * of.noise_bar + 1.5 * unrest + 2.0 * slope {
+                masked.push(k);
+                sizes.push(away);
+            }
+        }
+        let n = error.iter().filter(|e| e.is_finite()).count();
+        if masked.len() < FEWEST || masked.len() > n / 10 {
+            return None;
+        }
+        let count = masked.len() as f64;
+        let size = (sizes.iter().map(|s| s * s).sum::<f64>() / count).sqrt();
+        let share = count / n as f64;
+        // Each is explained by a normal of its own size in place of that of the noise, at the price of its rarity.
+        let nats = |s: &f64| 0.5 * (s / of.noise_bar).powi(2) - (size / of.noise_bar).ln() - 0.5 * (s / size).powi(2) + share.ln();
+        let mut spread_bar = vec![0.0; error.len()];
+        masked.iter().for_each(|k| spread_bar[*k] = size);
+        Some(ScatterFinding {
+            theta: vec![share, size],
+            std_errors: vec![(share * (1.0 - share) / n as f64).sqrt(), size / (2.0 * count).sqrt()],
+            gain_nats: sizes.iter().map(nats).sum(),
+            evidence: format!("{} single readings lie {size:.2} bar (RMS) off both neighbours, more than six times the noise of {:.3} bar", masked.len(), of.noise_bar),
+            masked,
+            spread_bar,
+        })
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
         match context.seed {
             None => Box::new(Through),
@@ -78,3 +118,8 @@ impl Block for Spikes {
         if self.random.random::<f64>() < self.share { input + self.size * off } else { input }
     }
 }
+
+/// Neighbours looked at on each side.
+const REACH: usize = 4;
+/// Fewest outliers that make a finding.
+const FEWEST: usize = 4;

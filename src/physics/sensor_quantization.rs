@@ -11,7 +11,7 @@
 //!
 //! Source: Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 1.
 
-use super::effect::{Block, Context, Effect, Kind, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use crate::units::PRESSURE;
 
 /// The effect `sensor_quantization`.
@@ -40,6 +40,38 @@ impl Effect for SensorQuantization {
             meaning: "smallest difference of two readings",
         }];
         &PARAMETERS
+    }
+    /// The comb of the readings: few values, all multiples of one step that is coarse against the noise.
+    fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
+        let mut values: Vec<f64> = of.measured_bar.iter().copied().filter(|y| y.is_finite()).collect();
+        let n = values.len();
+        values.sort_by(f64::total_cmp);
+        values.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
+        if values.len() < 4 || n < 100 {
+            return None;
+        }
+        let mut gaps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
+        gaps.sort_by(f64::total_cmp);
+        let rough = gaps[gaps.len() / 4];
+        // A reading printed with few digits blurs the comb by half a digit.
+        let blur = 0.02 * rough + 1.1e-3;
+        let on_comb = gaps.iter().filter(|g| (*g / rough - (*g / rough).round()).abs() * rough <= blur * (*g / rough).round().max(1.0)).count();
+        let span = values[values.len() - 1] - values[0];
+        let steps: f64 = gaps.iter().map(|g| (g / rough).round()).sum();
+        let step = span / steps.max(1.0);
+        let coarse = step > 1.2 * of.noise_bar && step > 0.02;
+        if !coarse || (on_comb as f64) < 0.97 * gaps.len() as f64 || n < 8 * values.len() {
+            return None;
+        }
+        Some(ScatterFinding {
+            theta: vec![step],
+            std_errors: vec![blur / steps.max(1.0)],
+            // Each reading is one of few instead of any within its noise.
+            gain_nats: n as f64 * (step / of.noise_bar.min(0.3 * step)).ln().max(0.1),
+            masked: Vec::new(),
+            spread_bar: vec![step / 12f64.sqrt(); of.measured_bar.len()],
+            evidence: format!("{n} readings take {} values only, all multiples of {step:.4} bar", values.len()),
+        })
     }
     fn block(&self, theta: Theta<'_>, _: &Context) -> Box<dyn Block> {
         Box::new(Steps { step: theta[0] })

@@ -2,18 +2,20 @@
 //!
 //! What it is: the spool sticks until the force exceeds the static friction, then jumps.
 //!
-//! Model: stuck while |i - x| <= band; then it slips to x = i -/+ slip * band. The break-away band grows with the
-//! dwell time, band (1 + growth ln(1 + dwell / 1 s)).
+//! Model: the spool x rests while |i - x| <= band; then it breaks away to x = i -/+ slip * band and slides on with that
+//! offset for as long as it moves faster than `speed`; slower, or turning round, it sticks again. A high `speed` is
+//! the stick-slip staircase of He et al., a low one the sliding of Choudhury et al.
 //!
-//! Signature: a slow ramp gives a staircase, the error is a sawtooth; steps of the size band (1 - slip).
+//! Signature: the pressure rests while the current creeps, then jumps by the slope times band (1 - slip); the error is
+//! a sawtooth.
 //!
 //! What to check on the bench: a micro-ramp of some 20 mA at high resolution; dither amplitude, contamination.
 //!
-//! Source: He, Wang, Pottmann and Qin, Ind. Eng. Chem. Res. 46 (2007) 4549; growth with dwell: Rabinowicz, Friction
-//! and Wear of Materials, 2nd ed., section 4.
+//! Source: He, Wang, Pottmann and Qin, Ind. Eng. Chem. Res. 46 (2007) 4549; Choudhury, Thornhill and Shah, Control
+//! Eng. Practice 13 (2005) 641.
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
-use crate::units::{CURRENT, RATIO};
+use crate::units::{CURRENT, CURRENT_RATE, RATIO};
 
 /// The effect `stiction`.
 pub struct Stiction;
@@ -33,8 +35,8 @@ impl Effect for Stiction {
             Parameter {
                 name: "band",
                 unit: &CURRENT,
-                range: (0.0, 0.2),
-                starts: &[0.006, 0.012, 0.02, 0.03, 0.045],
+                range: (0.0005, 0.3),
+                starts: &[0.005, 0.012, 0.025, 0.045],
                 default: None,
                 meaning: "current that breaks the spool away from rest",
             },
@@ -47,44 +49,68 @@ impl Effect for Stiction {
                 meaning: "share of the band that is left after a slip",
             },
             Parameter {
-                name: "growth",
-                unit: &RATIO,
-                range: (0.0, 1.0),
-                starts: &[0.0],
-                default: Some(0.0),
-                meaning: "growth of the band per e-fold of dwell time",
+                name: "speed",
+                unit: &CURRENT_RATE,
+                range: (0.001, 100.0),
+                starts: &[0.01, 20.0],
+                default: Some(100.0),
+                meaning: "speed below which it sticks again",
             },
         ];
         &PARAMETERS
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Stick { band: theta[0], slip: theta[1], growth: theta[2], dt_s: context.dt_s, position: 0.0, dwell_s: 0.0 })
+        Box::new(Stick {
+            band: theta[0],
+            offset: theta[1] * theta[0],
+            speed: theta[2] * context.dt_s,
+            position: 0.0,
+            sliding: 0.0,
+            pace: 0.0,
+        })
     }
 }
 
+/// Share of the newest sample in the smoothed pace.
+const PACE: f64 = 0.3;
+
 struct Stick {
     band: f64,
-    slip: f64,
-    growth: f64,
-    dt_s: f64,
+    offset: f64,
+    /// Slowest pace of sliding [A per sample].
+    speed: f64,
     position: f64,
-    dwell_s: f64,
+    /// Direction of sliding; 0 at rest.
+    sliding: f64,
+    /// Smoothed pace in that direction [A per sample].
+    pace: f64,
 }
 
 impl Block for Stick {
     fn start(&mut self, _: f64, input: f64) {
-        self.position = input;
-        self.dwell_s = 0.0;
+        (self.position, self.sliding, self.pace) = (input, 0.0, 0.0);
     }
     #[inline]
     fn step(&mut self, _: f64, input: f64) -> f64 {
-        let away = input - self.position;
-        let band = if self.growth > 0.0 { self.band * (1.0 + self.growth * self.dwell_s.ln_1p()) } else { self.band };
-        if away.abs() > band {
-            self.position = input - away.signum() * self.slip * self.band;
-            self.dwell_s = 0.0;
-        } else {
-            self.dwell_s += self.dt_s;
+        if self.sliding == 0.0 {
+            let away = input - self.position;
+            if away.abs() <= self.band {
+                return self.position;
+            }
+            self.sliding = away.signum();
+            self.position = input - self.sliding * self.offset;
+            // The jump itself does not count as motion: a staircase sticks at once.
+            self.pace = 1.5 * self.speed;
+            return self.position;
+        }
+        let target = input - self.sliding * self.offset;
+        let moved = (target - self.position) * self.sliding;
+        self.pace += PACE * (moved - self.pace);
+        if moved > 0.0 {
+            self.position = target;
+        }
+        if self.pace < self.speed {
+            self.sliding = 0.0;
         }
         self.position
     }

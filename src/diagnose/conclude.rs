@@ -1,0 +1,292 @@
+//! From fits to a diagnosis: the verdict, the findings with what speaks for them, the words.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::diagnosis::{Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, SCHEMA, Verdict};
+use super::fit::{Fit, Fitter};
+use super::heldout::{HeldOut, blocks, held_out, rms};
+use super::locate::locate;
+use super::model::{BASE, Model, Simulator};
+use super::remainder::remainder;
+use super::search::{Search, VERY_STRONG};
+use crate::physics::{EFFECTS, Effect, Kind, ScatterFinding, specification};
+use crate::recording::Recording;
+
+/// What is left counts as structure above this many times the accuracy of the base model.
+const STRUCTURE: f64 = 2.5;
+/// Most effects listed as indistinguishable from one.
+const MOST_RIVALS: usize = 3;
+
+/// An effect of the scatter with what it found.
+pub struct Scattered {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// What it found.
+    pub finding: ScatterFinding,
+}
+
+/// Everything that the searches found, to be put into words.
+pub struct Findings<'s, 'a> {
+    /// The recording.
+    pub recording: &'s Recording,
+    /// The base model.
+    pub base: &'s Model<'a>,
+    /// The fitter, with outliers masked.
+    pub fitter: &'s Fitter<'s>,
+    /// The search over the effects of the course.
+    pub search: &'s Search<'a>,
+    /// What the effects of the scatter found.
+    pub scattered: Vec<Scattered>,
+}
+
+impl<'a> Findings<'_, 'a> {
+    fn simulated(&self, fit: &Fit<'_>) -> Vec<f64> {
+        let mut out = Vec::new();
+        Simulator::new(self.fitter.evidence).pressure(&fit.model, &fit.theta, &mut out);
+        out
+    }
+
+    fn residual(&self, simulated: &[f64]) -> Vec<f64> {
+        self.fitter.measured.iter().zip(simulated).map(|(y, p)| y - p).collect()
+    }
+
+    /// The diagnosis.
+    pub fn conclude(self) -> Diagnosed {
+        let (fitter, search) = (self.fitter, self.search);
+        let evidence = fitter.evidence;
+        let measured_all = evidence.pressure_bar();
+        let calibrated = Fit { model: self.base.clone(), theta: self.base.calibrated(), ..search.null.clone() };
+        let (base_bar, refit_bar, augmented_bar) = (self.simulated(&calibrated), self.simulated(&search.null), self.simulated(&search.chosen));
+        let base_residual: Vec<f64> = measured_all.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
+        let (refit_held, chosen_held) = rayon::join(|| held_out(fitter, &search.null, 6), || held_out(fitter, &search.chosen, 6));
+        let mut findings = self.course_findings(&chosen_held);
+        findings.extend(self.scattered.iter().map(|s| scatter_finding(s, fitter)));
+        findings.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let effects: Vec<Finding> = findings.into_iter().map(|f| f.1).collect();
+
+        let residual = self.residual(&augmented_bar);
+        let standardised = self.standardised(&residual);
+        let accuracy_bar = self.accuracy_bar();
+        let block = blocks(fitter);
+        let unexplained = remainder(evidence, &standardised, &augmented_bar, &block, STRUCTURE * accuracy_bar);
+        let verdict = match (effects.is_empty(), unexplained.is_some()) {
+            (true, false) => Verdict::Match,
+            (true, true) => Verdict::Unexplained,
+            (false, false) => Verdict::Explained,
+            (false, true) => Verdict::PartlyExplained,
+        };
+        let mut augmented = search.chosen.model.valve_file(&search.chosen.theta);
+        augmented.effects.extend(self.scattered.iter().map(|s| specification(s.effect, &s.finding.theta)));
+        if evidence.noise_bar > 0.0 {
+            augmented.noise_bar = evidence.noise_bar;
+        }
+        let runner_up_bar = self.runner_up().map(|fit| self.simulated(&fit)).unwrap_or_default();
+        let errors = Errors {
+            base: rms(&base_residual),
+            base_heldout: rms(&base_residual),
+            refit_heldout: self.with_masked(&refit_held, &measured_all, &refit_bar),
+            augmented_heldout: self.with_masked(&chosen_held, &measured_all, &augmented_bar),
+            noise_floor: evidence.noise_bar,
+        };
+        let recalibration = self.recalibration();
+        let mut diagnosis = Diagnosis {
+            schema: SCHEMA.into(),
+            recording: self.recording.source.clone(),
+            model: self.base.valve.name.clone(),
+            verdict,
+            summary: String::new(),
+            rmse_bar: errors,
+            place: locate(evidence, &base_residual, &base_bar),
+            candidates: self.candidates(&effects),
+            effects,
+            recalibration,
+            unexplained,
+            next_experiment: None,
+            notes: evidence.notes.clone(),
+        };
+        diagnosis.summary = super::words::summary(&diagnosis);
+        let mut runs = Vec::new();
+        let mut begin = 0;
+        for grid in &evidence.grids {
+            runs.push((begin, grid.name.clone()));
+            begin += grid.current_a.len();
+        }
+        let curves = Curves {
+            runs,
+            time_s: evidence.grids.iter().flat_map(|g| (0..g.current_a.len()).map(|k| g.time_s(k))).collect(),
+            current_a: evidence.grids.iter().flat_map(|g| g.current_a.iter().copied()).collect(),
+            measured_bar: measured_all,
+            base_bar,
+            refit_bar,
+            augmented_bar,
+            runner_up_bar,
+        };
+        Diagnosed { diagnosis, augmented, curves }
+    }
+
+    /// RMSE of a held-out residual with the masked readings counted against the model again.
+    fn with_masked(&self, held: &HeldOut, measured: &[f64], simulated: &[f64]) -> f64 {
+        let full: Vec<f64> =
+            held.residual.iter().zip(measured).zip(simulated).map(|((e, y), p)| if e.is_finite() { *e } else { y - p }).collect();
+        rms(&full)
+    }
+
+    /// The residual with the scatter that was found taken out: each sample over its own standard deviation, times
+    /// that of the noise.
+    fn standardised(&self, residual: &[f64]) -> Vec<f64> {
+        let noise = self.fitter.evidence.noise_bar;
+        let mut variance = vec![noise * noise; residual.len()];
+        for s in &self.scattered {
+            for (v, spread) in variance.iter_mut().zip(&s.finding.spread_bar) {
+                *v += spread * spread;
+            }
+        }
+        residual.iter().zip(variance).map(|(e, v)| e * noise / v.sqrt()).collect()
+    }
+
+    /// What the base model may be off by without anything being wrong: the sensor noise, or how well the model
+    /// fitted the recording that it was identified on [bar].
+    fn accuracy_bar(&self) -> f64 {
+        let identified = self.base.valve.identification.as_ref().and_then(|i| i.rmse).map_or(0.0, crate::units::Pressure::value);
+        // A poor fit at the identification is a reason for a diagnosis, not an excuse.
+        self.fitter.evidence.noise_bar.max(identified.min(3.0 * self.fitter.evidence.noise_bar))
+    }
+
+    /// The effects of the course with their importance.
+    fn course_findings(&self, chosen_held: &HeldOut) -> Vec<(f64, Finding)> {
+        let (fitter, chosen) = (self.fitter, &self.search.chosen);
+        let errors = fitter.standard_errors(chosen);
+        let effective = fitter.effective();
+        (0..chosen.model.effects.len())
+            .into_par_iter()
+            .map(|k| {
+                let effect = chosen.model.effects[k];
+                let mut theta = chosen.theta.clone();
+                theta.drain(chosen.model.place(k));
+                let without = fitter.refit(&chosen.model.without(k), &theta);
+                let (gain, interval, p_value) = chosen_held.gain_over(&held_out(fitter, &without, 4));
+                let parameters: BTreeMap<String, Estimate> = effect
+                    .parameters()
+                    .iter()
+                    .zip(chosen.model.place(k))
+                    .map(|(p, j)| {
+                        let std_error = Some(errors[j]).filter(|e| e.is_finite());
+                        (p.name.to_string(), Estimate { value: chosen.theta[j], std_error, unit: p.unit.symbol.into() })
+                    })
+                    .collect();
+                let importance = without.bic(effective) - chosen.bic(effective);
+                let indistinguishable = self.rivals(k, &without, importance);
+                let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
+                let id = effect.id().to_string();
+                (importance, Finding { id, parameters, heldout_gain_bar: gain, heldout_gain_interval_bar: interval, p_value, indistinguishable, evidence })
+            })
+            .collect()
+    }
+
+    /// Effects that in place of number `k` explain the record as well, best first.
+    fn rivals(&self, k: usize, without: &Fit<'a>, importance: f64) -> Vec<String> {
+        let (fitter, chosen) = (self.fitter, &self.search.chosen);
+        let effective = fitter.effective();
+        let own = chosen.model.effects[k].id();
+        // Those that came close in the round in which it was found; a class mate comes close in every round.
+        let near: Vec<&'static dyn Effect> = self
+            .search
+            .rounds
+            .iter()
+            .filter(|r| r.ranked.iter().any(|c| c.effect.id() == own))
+            .flat_map(|r| {
+                let mine = r.ranked.iter().find(|c| c.effect.id() == own).map_or(f64::INFINITY, |c| c.fit.bic(r.effective));
+                let gain = r.incumbent.bic(r.effective) - mine;
+                r.ranked.iter().filter(move |c| c.fit.bic(r.effective) < mine + (0.35 * gain).max(VERY_STRONG)).map(|c| c.effect)
+            })
+            .collect();
+        let mut names: Vec<&'static dyn Effect> = Vec::new();
+        for e in near {
+            if e.kind() == Kind::Course && !names.iter().any(|n| n.id() == e.id()) && !chosen.model.effects.iter().any(|have| have.id() == e.id()) {
+                names.push(e);
+            }
+        }
+        names.truncate(6);
+        let mut close: Vec<(f64, &str)> = names
+            .into_par_iter()
+            .map(|e| (fitter.fit_new(&without.model.with(e), without, &[]).bic(effective), e.id()))
+            .filter(|(bic, _)| *bic < chosen.bic(effective) + VERY_STRONG.max(0.05 * importance))
+            .collect();
+        close.sort_by(|a, b| a.0.total_cmp(&b.0));
+        close.into_iter().take(MOST_RIVALS).map(|c| c.1.to_string()).collect()
+    }
+
+    /// The second best candidate of the first round that led to an effect.
+    fn runner_up(&self) -> Option<Fit<'a>> {
+        let first = self.search.rounds.first()?;
+        let found = self.search.chosen.model.effects.first()?;
+        first.ranked.iter().find(|c| c.effect.id() != found.id()).map(|c| c.fit.clone())
+    }
+
+    /// All effects that were tried alone, and the verdict on each.
+    fn candidates(&self, effects: &[Finding]) -> Vec<Candidate> {
+        let mut out: Vec<Candidate> = Vec::new();
+        if let Some(first) = self.search.rounds.first() {
+            let null = first.incumbent.bic(first.effective);
+            out = first
+                .ranked
+                .par_iter()
+                .enumerate()
+                .map(|(rank, c)| {
+                    let bic = c.fit.bic(first.effective) - null;
+                    let rejected_because =
+                        (!effects.iter().any(|f| f.id == c.effect.id())).then(|| super::words::rejected(c.effect.id(), bic, effects));
+                    let heldout_rmse_bar = (rank < 8).then(|| held_out(self.fitter, &c.fit, 2).rmse_bar());
+                    Candidate { id: c.effect.id().into(), heldout_rmse_bar, bic, rejected_because }
+                })
+                .collect();
+        }
+        for effect in EFFECTS.iter().filter(|e| e.kind() == Kind::Scatter) {
+            let found = self.scattered.iter().find(|s| s.effect.id() == effect.id());
+            let bic = found.map_or(0.0, |s| -2.0 * s.finding.gain_nats);
+            let rejected_because = found.is_none().then(|| "its signature is not in the recording".to_string());
+            out.push(Candidate { id: effect.id().into(), heldout_rmse_bar: None, bic, rejected_because });
+        }
+        out
+    }
+
+    /// What the fit moved in the base, where it is more than its standard error and more than a trifle.
+    fn recalibration(&self) -> Vec<Change> {
+        let chosen = &self.search.chosen;
+        let (start, errors) = (chosen.model.calibrated(), self.fitter.standard_errors(chosen));
+        let trifle = [0.002f64, 0.03, 0.05, 0.2, 0.002, 0.003];
+        let names = [("gain", "1"), ("offset", "bar"), ("loop width", "bar"), ("a", "bar^2"), ("delay", "s"), ("lag", "s")];
+        (0..BASE)
+            .filter(|k| (chosen.theta[*k] - start[*k]).abs() > trifle[*k].max(2.0 * errors[*k]))
+            .map(|k| {
+                let value = |v: f64| match k {
+                    0 => 1.0 + v,
+                    3 => v.exp(),
+                    _ => v,
+                };
+                Change { parameter: names[k].0.into(), before: value(start[k]), after: value(chosen.theta[k]), unit: names[k].1.into() }
+            })
+            .collect()
+    }
+}
+
+fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>) -> (f64, Finding) {
+    let f = &s.finding;
+    let estimate = |(k, p): (usize, &crate::physics::Parameter)| {
+        (p.name.to_string(), Estimate { value: f.theta[k], std_error: Some(f.std_errors[k]), unit: p.unit.symbol.into() })
+    };
+    let parameters = s.effect.parameters().iter().enumerate().map(estimate).collect();
+    let finding = Finding {
+        id: s.effect.id().into(),
+        parameters,
+        heldout_gain_bar: rms(&f.spread_bar),
+        heldout_gain_interval_bar: None,
+        // Chance of such a likelihood by Wilks' theorem, bounded by what a test of this size can say.
+        p_value: (-f.gain_nats).exp().max(1e-6),
+        indistinguishable: Vec::new(),
+        evidence: f.evidence.clone(),
+    };
+    (2.0 * f.gain_nats / fitter.tau_samples, finding)
+}

@@ -1,0 +1,230 @@
+//! What a diagnosis says (`schema = "hil.diagnosis/1"`): the one value that its text, JSON and page are views of.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::valve::Valve;
+
+/// The schema key of a diagnosis.
+pub const SCHEMA: &str = "hil.diagnosis/1";
+
+/// The answer in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Nothing beyond the noise floor and the base model's own accuracy is worth adding.
+    Match,
+    /// What is left after the effects is within that.
+    Explained,
+    /// Effects help, structure remains.
+    PartlyExplained,
+    /// Structure is there and no effect in the library carries it.
+    Unexplained,
+}
+
+/// A diagnosis of one recording against one model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// `hil.diagnosis/1`.
+    pub schema: String,
+    /// The recording, by its file name.
+    pub recording: String,
+    /// The model, by its name.
+    pub model: String,
+    /// The answer in one word.
+    pub verdict: Verdict,
+    /// The answer in one paragraph.
+    pub summary: String,
+    /// Errors of the models.
+    pub rmse_bar: Errors,
+    /// What is missing, most important first.
+    pub effects: Vec<Finding>,
+    /// What a recalibration of the base would change: name, value and unit, where it is more than a trifle.
+    pub recalibration: Vec<Change>,
+    /// Where the base model errs.
+    #[serde(rename = "where")]
+    pub place: Place,
+    /// All effects that were tried, best first.
+    pub candidates: Vec<Candidate>,
+    /// What is left and on what it depends; `null` where nothing is left.
+    pub unexplained: Option<Remainder>,
+    /// The experiment that would separate what cannot be told apart; `null` where nothing needs it.
+    pub next_experiment: Option<NextExperiment>,
+    /// What was noticed about the recording.
+    pub notes: Vec<String>,
+}
+
+/// Root mean square errors [bar].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// The base model as given, over the whole recording.
+    pub base: f64,
+    /// The base model as given, over the held-out stretches (all of the recording, in turn).
+    pub base_heldout: f64,
+    /// The base model recalibrated on the other stretches.
+    pub refit_heldout: f64,
+    /// The model with the effects, fitted on the other stretches.
+    pub augmented_heldout: f64,
+    /// The sensor noise: what no model can do better than.
+    pub noise_floor: f64,
+}
+
+/// A parameter with its standard error.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Best value.
+    pub value: f64,
+    /// One standard deviation; `null` where the recording does not carry the parameter.
+    pub std_error: Option<f64>,
+    /// Unit of both.
+    pub unit: String,
+}
+
+/// One effect that is missing in the model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// Id of the effect.
+    pub id: String,
+    /// Its parameters.
+    pub parameters: BTreeMap<String, Estimate>,
+    /// How much the held-out error grows without it [bar]; for an effect of the scatter its part of the error.
+    pub heldout_gain_bar: f64,
+    /// 95 % interval of that gain over the held-out blocks [bar].
+    pub heldout_gain_interval_bar: Option<(f64, f64)>,
+    /// Chance of such a gain were the effect not there, from sign flips of the held-out blocks.
+    pub p_value: f64,
+    /// Effects that explain this recording as well, best first.
+    pub indistinguishable: Vec<String>,
+    /// What speaks for it.
+    pub evidence: String,
+}
+
+/// A changed parameter of the base model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Change {
+    /// `gain`, `offset`, `loop width`, `a`, `delay` or `lag`.
+    pub parameter: String,
+    /// In the model as given.
+    pub before: f64,
+    /// After the fit.
+    pub after: f64,
+    /// Unit of both.
+    pub unit: String,
+}
+
+/// Where the base model errs.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Place {
+    /// Stretches of time that carry the most of the squared error.
+    pub windows: Vec<Window>,
+    /// Operating regions that carry the most.
+    pub regions: Vec<Region>,
+    /// Frequencies between which the error beyond the noise lies [Hz]; `null` where there is none.
+    pub band_hz: Option<(f64, f64)>,
+}
+
+/// A stretch of time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Window {
+    /// Name of the run.
+    pub run: Option<String>,
+    /// Begin [s].
+    pub from_s: f64,
+    /// End [s].
+    pub to_s: f64,
+    /// Share of the squared error.
+    pub share: f64,
+    /// Share that the noise alone would have.
+    pub noise_share: f64,
+}
+
+/// A range of one variable.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Region {
+    /// `pressure_bar`, `current_a`, `rate_a_per_s`, `distance_since_reversal_a`, `time_since_reversal_s`, `dwell_s`.
+    pub variable: String,
+    /// Begin, in the unit of the variable's name.
+    pub from: f64,
+    /// End.
+    pub to: f64,
+    /// Share of the squared error.
+    pub share: f64,
+    /// Share of the samples: what an error without a place would have.
+    pub samples_share: f64,
+    /// Mean error, measured minus simulated [bar].
+    pub mean_bar: f64,
+}
+
+/// One effect that was tried.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Id of the effect.
+    pub id: String,
+    /// RMSE on held-out stretches of the base with this effect alone [bar].
+    pub heldout_rmse_bar: Option<f64>,
+    /// BIC against "recalibrate only", on effective samples; negative is better.
+    pub bic: f64,
+    /// Why it is not among the effects; `null` for those that are.
+    pub rejected_because: Option<String>,
+}
+
+/// What is left.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Remainder {
+    /// RMS beyond the noise [bar].
+    pub rms_bar: f64,
+    /// The variables on which it depends, strongest first, with the share of its variance.
+    pub depends_on: Vec<(String, f64)>,
+    /// How much a table over the strongest variable lowers the held-out error [bar]; 0 where none does.
+    pub table_heldout_gain_bar: f64,
+    /// The stretches that carry it.
+    pub windows: Vec<Window>,
+}
+
+/// A stimulus that separates rivals.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NextExperiment {
+    /// The rivals.
+    pub rivals: (String, String),
+    /// Name of the stimulus.
+    pub stimulus: String,
+    /// RMS difference of the rivals' simulations on it, in units of the noise.
+    pub separation_sigma: f64,
+    /// What to do.
+    pub text: String,
+    /// The current [A] over the time [s] that it asks for.
+    pub table: Vec<(f64, f64)>,
+}
+
+/// What the page of a diagnosis draws besides: the recording and the simulations on its grid, runs one after another.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Curves {
+    /// Begin of each run in the columns, and its name.
+    pub runs: Vec<(usize, Option<String>)>,
+    /// Time [s].
+    pub time_s: Vec<f64>,
+    /// Command [A].
+    pub current_a: Vec<f64>,
+    /// Measured [bar].
+    pub measured_bar: Vec<f64>,
+    /// Base model as given [bar].
+    pub base_bar: Vec<f64>,
+    /// Base recalibrated [bar].
+    pub refit_bar: Vec<f64>,
+    /// With the effects [bar].
+    pub augmented_bar: Vec<f64>,
+    /// The runner-up in place of the first effect [bar]; empty where there is none.
+    pub runner_up_bar: Vec<f64>,
+}
+
+/// A diagnosis with the model that it recommends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagnosed {
+    /// What it says.
+    pub diagnosis: Diagnosis,
+    /// The model with the effects, for the simulator.
+    pub augmented: Valve,
+    /// For the page.
+    pub curves: Curves,
+}

@@ -1,0 +1,110 @@
+//! What a model is worth on data that its fit has not seen.
+//!
+//! The recording is cut into alternating blocks. Each half is predicted by a fit on the other half, so that all data
+//! serve as test once. A simulation sees only the current, so it may run through both; only the loss is masked.
+
+use rand::{RngExt, SeedableRng};
+
+use super::fit::{Fit, Fitter};
+use super::model::Simulator;
+
+/// Longest block [s].
+const BLOCK_S: f64 = 5.0;
+/// Fewest blocks.
+const FEWEST_BLOCKS: usize = 24;
+/// Sign flips of the test.
+const FLIPS: usize = 1999;
+
+/// The held-out residual of a model, and the block of each sample.
+pub struct HeldOut {
+    /// Measured minus predicted [bar]; NaN where not measured.
+    pub residual: Vec<f64>,
+    /// Block number of each sample.
+    pub block: Vec<usize>,
+}
+
+impl HeldOut {
+    /// RMSE over all held-out stretches [bar].
+    pub fn rmse_bar(&self) -> f64 {
+        rms(&self.residual)
+    }
+
+    /// Squared error of each block, and its number of samples.
+    fn blocks(&self) -> Vec<(f64, usize)> {
+        let mut sums = vec![(0.0, 0usize); self.block.last().map_or(0, |b| b + 1)];
+        for (e, b) in self.residual.iter().zip(&self.block) {
+            if e.is_finite() {
+                sums[*b].0 += e * e;
+                sums[*b].1 += 1;
+            }
+        }
+        sums
+    }
+
+    /// How much worse `without` is than this: difference of the RMSE, its 95 % interval over blocks, and the chance
+    /// of such a difference by flips of sign.
+    pub fn gain_over(&self, without: &Self) -> (f64, Option<(f64, f64)>, f64) {
+        let gain = without.rmse_bar() - self.rmse_bar();
+        let pairs: Vec<(f64, f64, usize)> = self.blocks().iter().zip(without.blocks()).map(|(a, b)| (a.0, b.0, a.1)).filter(|p| p.2 > 0).collect();
+        if pairs.len() < 4 {
+            return (gain, None, 1.0);
+        }
+        let mut random = rand_pcg::Pcg64::seed_from_u64(0x686f_6c64);
+        // Differences of the root of each block's mean square: a block with one large event counts as one block.
+        let differences: Vec<f64> = pairs.iter().map(|(a, b, n)| (b / *n as f64).sqrt() - (a / *n as f64).sqrt()).collect();
+        let observed: f64 = differences.iter().sum();
+        let at_least = (0..FLIPS).filter(|_| differences.iter().map(|d| if random.random::<bool>() { *d } else { -d }).sum::<f64>() >= observed).count();
+        let p_value = (at_least + 1) as f64 / (FLIPS + 1) as f64;
+        let mut gains: Vec<f64> = (0..400)
+            .map(|_| {
+                let (mut a, mut b, mut n) = (0.0, 0.0, 0);
+                for _ in 0..pairs.len() {
+                    let p = pairs[random.random_range(0..pairs.len())];
+                    (a, b, n) = (a + p.0, b + p.1, n + p.2);
+                }
+                (b / n as f64).sqrt() - (a / n as f64).sqrt()
+            })
+            .collect();
+        gains.sort_by(f64::total_cmp);
+        (gain, Some((gains[10], gains[389])), p_value)
+    }
+}
+
+/// Root mean square of what is finite.
+pub fn rms(values: &[f64]) -> f64 {
+    let (sum, n) = values.iter().filter(|e| e.is_finite()).fold((0.0, 0usize), |(s, n), e| (s + e * e, n + 1));
+    (sum / n.max(1) as f64).sqrt()
+}
+
+/// The number of the block that each sample lies in.
+pub fn blocks(fitter: &Fitter<'_>) -> Vec<usize> {
+    let total_s: f64 = fitter.evidence.grids.iter().map(|g| g.current_a.len() as f64 * g.dt_s).sum();
+    let length_s = BLOCK_S.min(total_s / FEWEST_BLOCKS as f64);
+    let mut out = Vec::with_capacity(fitter.measured.len());
+    let mut first = 0;
+    for grid in &fitter.evidence.grids {
+        let per_block = ((length_s / grid.dt_s) as usize).max(5);
+        out.extend((0..grid.current_a.len()).map(|k| first + k / per_block));
+        first = out.last().map_or(0, |b| b + 1);
+    }
+    out
+}
+
+/// The held-out residual of a model fitted before on everything: refitted on each half, `steps` steps from there.
+pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
+    let block = blocks(fitter);
+    let mut residual = vec![f64::NAN; fitter.measured.len()];
+    let mut predicted = Vec::new();
+    for half in 0..2 {
+        let measured = fitter.measured.iter().zip(&block).map(|(y, b)| if b % 2 == half { f64::NAN } else { *y }).collect();
+        let other = Fitter { evidence: fitter.evidence, measured, tau_samples: fitter.tau_samples };
+        let theta = if steps == 0 { fit.theta.clone() } else { other.polish(&fit.model, &fit.theta, steps).theta };
+        Simulator::new(fitter.evidence).pressure(&fit.model, &theta, &mut predicted);
+        for (k, b) in block.iter().enumerate() {
+            if b % 2 == half {
+                residual[k] = fitter.measured[k] - predicted[k];
+            }
+        }
+    }
+    HeldOut { residual, block }
+}

@@ -1,0 +1,231 @@
+//! A candidate model: the base valve with its parameters free within what the calibration allows, and effects.
+
+use super::evidence::Evidence;
+use crate::physics::{Effect, Pipeline, Stage, resolve, specification};
+use crate::valve::{Hysteresis, Polynomial, ReferenceCurves, Valve};
+
+/// One parameter of the vector that a fit moves.
+#[derive(Debug, Clone, Copy)]
+pub struct Free {
+    /// Smallest and largest value.
+    pub range: (f64, f64),
+    /// Moved by its logarithm.
+    pub log: bool,
+    /// Step of the finite difference (a ratio where `log`).
+    pub step: f64,
+    /// What the calibration says; none for an effect's parameter.
+    pub prior: Option<Prior>,
+}
+
+/// What the calibration says of one parameter.
+#[derive(Debug, Clone, Copy)]
+pub struct Prior {
+    /// Its value.
+    pub mean: f64,
+    /// How far a good calibration may be off.
+    pub sigma: f64,
+    /// Where a calibration on a valve that had the effect already may be off by any amount: beyond a few sigma the
+    /// price hardly rises. What an effect of its own stands for (gain, offset, delay) pays in full.
+    pub heavy: bool,
+}
+
+impl Prior {
+    /// Price of a value [nats].
+    pub fn nats(&self, value: f64) -> f64 {
+        let z2 = ((value - self.mean) / self.sigma).powi(2);
+        if self.heavy { 2.5 * (z2 / 4.0).ln_1p() } else { 0.5 * z2 }
+    }
+    /// Curvature that a least-squares step uses for it.
+    pub fn stiffness(&self, value: f64) -> f64 {
+        let z2 = ((value - self.mean) / self.sigma).powi(2);
+        (if self.heavy { 5.0 / (4.0 + z2) } else { 1.0 }) / (self.sigma * self.sigma)
+    }
+}
+
+/// What "recalibrate" may move, in the order of the vector: the parameters that the base model already has.
+pub const BASE: usize = 6;
+
+/// Largest lag that the slow sweep of an identification cannot see: coil, spool and hold of the command [s].
+pub const UNSEEN_LAG_S: f64 = 0.015;
+
+/// How far a good calibration may be off: gain, offset [bar], loop width [bar], ln a, delay [s].
+const CALIBRATION: [f64; 5] = [0.003, 0.03, 0.08, 0.7, 0.005];
+
+/// A base valve with a list of effects.
+#[derive(Clone)]
+pub struct Model<'a> {
+    /// The valve as calibrated.
+    pub valve: &'a Valve,
+    /// Effects that the valve file already has, fixed.
+    fixed: Vec<(&'static dyn Effect, Vec<f64>)>,
+    /// Effects whose parameters are free.
+    pub effects: Vec<&'static dyn Effect>,
+}
+
+impl<'a> Model<'a> {
+    /// The base model alone.
+    ///
+    /// # Errors
+    /// Where the valve names an effect that does not exist.
+    pub fn base(valve: &'a Valve) -> Result<Self, crate::physics::PhysicsError> {
+        let fixed = valve.effects.iter().map(resolve).collect::<Result<_, _>>()?;
+        Ok(Self { valve, fixed, effects: Vec::new() })
+    }
+
+    /// This model with one effect more.
+    pub fn with(&self, effect: &'static dyn Effect) -> Self {
+        let mut more = self.clone();
+        more.effects.push(effect);
+        more
+    }
+
+    /// This model without its effect number `k`.
+    pub fn without(&self, k: usize) -> Self {
+        let mut less = self.clone();
+        less.effects.remove(k);
+        less
+    }
+
+    /// Where the parameters of effect number `k` stand in the vector.
+    pub fn place(&self, k: usize) -> std::ops::Range<usize> {
+        let from = BASE + self.effects[..k].iter().map(|e| e.parameters().len()).sum::<usize>();
+        from..from + self.effects[k].parameters().len()
+    }
+
+    /// The vector of the base as calibrated, without effects.
+    pub fn calibrated(&self) -> Vec<f64> {
+        let ln_a = match self.valve.hysteresis {
+            Hysteresis::Hyperbolic { a_bar2 } => a_bar2.max(1e-6).ln(),
+            Hysteresis::None => 0.0,
+        };
+        vec![0.0, 0.0, 0.0, ln_a, self.valve.delay_s, self.valve.lag_s]
+    }
+
+    /// The free parameters, in the order of the vector.
+    pub fn free(&self) -> Vec<Free> {
+        let start = self.calibrated();
+        let linear = |k: usize, half: f64, step: f64| Free {
+            range: (start[k] - half, start[k] + half),
+            log: false,
+            step,
+            prior: Some(Prior { mean: start[k], sigma: CALIBRATION[k], heavy: k == 2 || k == 3 }),
+        };
+        let delay = Free { range: (0.0, start[4] + 0.15), ..linear(4, 0.0, 3e-4) };
+        let lag = Free { range: (0.0, self.valve.lag_s + UNSEEN_LAG_S), log: false, step: 3e-4, prior: None };
+        let mut free = vec![linear(0, 0.3, 1e-4), linear(1, 3.0, 2e-3), linear(2, 3.0, 2e-3), linear(3, 5.0, 0.02), delay, lag];
+        for effect in &self.effects {
+            free.extend(effect.parameters().iter().map(|p| {
+                let log = p.range.0 > 0.0 && p.range.1 / p.range.0 > 20.0;
+                Free { range: p.range, log, step: if log { 4e-3 } else { 2e-4 * (p.range.1 - p.range.0).min(20.0) }, prior: None }
+            }));
+        }
+        free
+    }
+
+    /// Number of parameters that the effects bring.
+    pub fn extra_parameters(&self) -> usize {
+        self.effects.iter().map(|e| e.parameters().len()).sum()
+    }
+
+    fn curves(&self, theta: &[f64]) -> ReferenceCurves {
+        let (gain, offset, width) = (1.0 + theta[0], theta[1], theta[2]);
+        let curves = &self.valve.curves;
+        let moved = |p: &Polynomial, offset: f64| {
+            let mut c: Vec<f64> = p.coefficients.iter().map(|c| c * gain).collect();
+            if let Some(constant) = c.last_mut() {
+                *constant += offset;
+            }
+            Polynomial::new(c)
+        };
+        ReferenceCurves::on_range(
+            moved(&curves.ascending, offset - 0.5 * width),
+            moved(&curves.descending, offset + 0.5 * width),
+            curves.range_a,
+        )
+    }
+
+    fn pipeline<'c>(&self, curves: &'c ReferenceCurves, theta: &[f64]) -> Pipeline<'c> {
+        let mut effects = self.fixed.clone();
+        effects.extend(self.effects.iter().enumerate().map(|(k, e)| (*e, theta[self.place(k)].to_vec())));
+        let hysteresis = match self.valve.hysteresis {
+            Hysteresis::None => Hysteresis::None,
+            Hysteresis::Hyperbolic { .. } => Hysteresis::Hyperbolic { a_bar2: theta[3].exp() },
+        };
+        Pipeline { curves, hysteresis, delay_s: theta[4], lag_s: theta[5], floor_bar: self.valve.floor_bar, effects }
+    }
+
+    /// The valve file that this model stands for.
+    pub fn valve_file(&self, theta: &[f64]) -> Valve {
+        let mut valve = self.valve.clone();
+        valve.curves = self.curves(theta);
+        if let Hysteresis::Hyperbolic { a_bar2 } = &mut valve.hysteresis {
+            *a_bar2 = theta[3].exp();
+        }
+        let shift = theta[4] - valve.delay_s;
+        valve.delay_s = theta[4];
+        valve.delay_range_s = ((valve.delay_range_s.0 + shift).max(0.0).min(theta[4]), (valve.delay_range_s.1 + shift).max(theta[4]));
+        valve.lag_s = theta[5];
+        valve.effects.extend(self.effects.iter().enumerate().map(|(k, e)| specification(*e, &theta[self.place(k)])));
+        valve
+    }
+}
+
+/// Simulates one model again and again on the same evidence; what lies before the first changed stage is kept.
+pub struct Simulator<'e> {
+    evidence: &'e Evidence,
+    runs: Vec<Kept>,
+}
+
+#[derive(Default)]
+struct Kept {
+    current_key: Vec<f64>,
+    current_a: Vec<f64>,
+    static_key: Vec<f64>,
+    static_bar: Vec<f64>,
+}
+
+impl<'e> Simulator<'e> {
+    /// For this evidence.
+    pub fn new(evidence: &'e Evidence) -> Self {
+        Self { evidence, runs: evidence.grids.iter().map(|_| Kept::default()).collect() }
+    }
+
+    /// Pressure of all runs, one after the other [bar].
+    pub fn pressure(&mut self, model: &Model<'_>, theta: &[f64], out: &mut Vec<f64>) {
+        let curves = model.curves(theta);
+        let pipeline = model.pipeline(&curves, theta);
+        let mut current_key = vec![theta[4]];
+        for (effect, values) in &pipeline.effects {
+            if effect.stage() < Stage::Static {
+                current_key.push(f64::from(effect.id().len() as u32));
+                current_key.extend(values);
+            }
+        }
+        let static_key = [theta[0], theta[1], theta[2], theta[3]];
+        out.clear();
+        for (grid, kept) in self.evidence.grids.iter().zip(&mut self.runs) {
+            let context = pipeline.context(grid.start_s, grid.dt_s, None);
+            let same_current = kept.current_key == current_key && !kept.current_a.is_empty();
+            if !same_current {
+                pipeline.current_stages(&context, &grid.current_a, &mut kept.current_a);
+                kept.current_key.clone_from(&current_key);
+            }
+            if !same_current || kept.static_key != static_key {
+                kept.static_bar.resize(grid.current_a.len(), 0.0);
+                pipeline.static_curve(&kept.current_a, &mut kept.static_bar);
+                kept.static_key = static_key.to_vec();
+            }
+            let from = out.len();
+            out.extend_from_slice(&kept.static_bar);
+            pipeline.pressure_stages(&context, &kept.current_a, &mut out[from..]);
+        }
+    }
+
+    /// Measured minus simulated [bar]; NaN where not measured.
+    pub fn residual(&mut self, model: &Model<'_>, theta: &[f64], measured: &[f64], out: &mut Vec<f64>) {
+        self.pressure(model, theta, out);
+        for (e, y) in out.iter_mut().zip(measured) {
+            *e = y - *e;
+        }
+    }
+}

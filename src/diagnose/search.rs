@@ -1,0 +1,203 @@
+//! Which effects: added one by one, each swapped for its rivals and dropped again when the others make it needless.
+
+use rayon::prelude::*;
+
+use super::fit::{Fit, Fitter};
+use super::loss;
+use super::model::{Model, Simulator};
+use crate::physics::{EFFECTS, Effect, Hint, Kind};
+
+/// Most effects that are claimed at once.
+pub const MOST_EFFECTS: usize = 3;
+/// A difference of BIC that counts as very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
+pub const VERY_STRONG: f64 = 10.0;
+/// Bounds on how many samples count as one.
+const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
+/// A finding must lower the scale or the RMSE of the residual by this share,
+const WORTH: f64 = 0.05;
+/// and what it explains must have at least this RMS, in units of the sensor noise.
+const TRIFLE: f64 = 0.5;
+
+/// One candidate of one round.
+pub struct Ranked<'a> {
+    /// The effect that was tried.
+    pub effect: &'static dyn Effect,
+    /// The fit of the incumbent with it.
+    pub fit: Fit<'a>,
+}
+
+/// One round: the incumbent and what could be added to it.
+pub struct Round<'a> {
+    /// The model before.
+    pub incumbent: Fit<'a>,
+    /// The candidates, best first.
+    pub ranked: Vec<Ranked<'a>>,
+    /// Effective samples that they were compared on.
+    pub effective: f64,
+}
+
+/// The outcome of a search.
+pub struct Search<'a> {
+    /// "Recalibrate only".
+    pub null: Fit<'a>,
+    /// The model chosen; its effects in the order in which they were found.
+    pub chosen: Fit<'a>,
+    /// All rounds.
+    pub rounds: Vec<Round<'a>>,
+}
+
+/// Searches the library.
+pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
+    let mut null = fitter.recalibrate(base, &[]);
+    let mut chosen = null.clone();
+    let mut rounds: Vec<Round<'a>> = Vec::new();
+    // One round more than effects: an effect may be dropped again.
+    for _ in 0..MOST_EFFECTS + 2 {
+        let mut ranked = candidates(fitter, &chosen);
+        if ranked.is_empty() {
+            break;
+        }
+        let best_nats = ranked.iter().min_by(|a, b| a.fit.mean_nats.total_cmp(&b.fit.mean_nats)).map(|r| r.fit.clone());
+        if let Some(best) = best_nats {
+            fitter.tau_samples = correlation(fitter, &best);
+        }
+        let effective = fitter.effective();
+        ranked.sort_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective)));
+        chosen = same_effort(fitter, chosen, &ranked);
+        if chosen.model.effects.is_empty() {
+            null = chosen.clone();
+        }
+        let next = ranked.iter().find(|r| worth(fitter, &chosen, &r.fit)).map(|r| r.fit.clone());
+        rounds.push(Round { incumbent: chosen.clone(), ranked, effective });
+        match next {
+            Some(fit) => chosen = settle(fitter, fit, &rounds),
+            None => break,
+        }
+    }
+    Search { null, chosen, rounds }
+}
+
+/// The incumbent, refitted from where its best challengers ended: otherwise it loses by its own missed optimum.
+fn same_effort<'a>(fitter: &Fitter<'_>, incumbent: Fit<'a>, ranked: &[Ranked<'a>]) -> Fit<'a> {
+    let length = incumbent.theta.len();
+    let effective = fitter.effective();
+    let tries: Vec<Fit<'a>> = ranked.par_iter().take(4).map(|r| fitter.polish(&incumbent.model, &r.fit.theta[..length], 10)).collect();
+    tries.into_iter().fold(incumbent, |best, next| if next.bic(effective) < best.bic(effective) { next } else { best })
+}
+
+/// How many of these effects count against [`MOST_EFFECTS`].
+fn counted(effects: &[&'static dyn Effect]) -> usize {
+    effects.iter().filter(|e| e.kind() == Kind::Course).count()
+}
+
+/// Every effect of the course that the incumbent does not have, fitted jointly with it.
+fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>) -> Vec<Ranked<'a>> {
+    let mut simulator = Simulator::new(fitter.evidence);
+    let mut pressure = Vec::new();
+    simulator.pressure(&incumbent.model, &incumbent.theta, &mut pressure);
+    let residual: Vec<f64> = fitter.measured.iter().zip(&pressure).map(|(y, p)| y - p).collect();
+    let open: Vec<&'static dyn Effect> = EFFECTS
+        .iter()
+        .copied()
+        .filter(|e| match e.kind() {
+            Kind::Course => counted(&incumbent.model.effects) < MOST_EFFECTS,
+            Kind::Form => true,
+            Kind::Scatter => false,
+        })
+        .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()))
+        .collect();
+    open.into_par_iter()
+        .map(|effect| {
+            let hint = hint(fitter, &residual, &pressure, incumbent.scale_bar);
+            Ranked { effect, fit: fitter.fit_new(&incumbent.model.with(effect), incumbent, &effect.propose(&hint)) }
+        })
+        .collect()
+}
+
+/// What an effect may look at to propose where its fit begins.
+fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], scale_bar: f64) -> Hint<'h> {
+    let grids = &fitter.evidence.grids;
+    Hint {
+        start_s: grids[0].start_s,
+        dt_s: grids[0].dt_s,
+        // Proposals come from the longest run's worth at the front; the fit then sees all runs.
+        residual_bar: &residual[..grids[0].current_a.len()],
+        pressure_bar: &pressure[..grids[0].current_a.len()],
+        scale_bar,
+    }
+}
+
+/// How many samples of this fit's residual count as one.
+fn correlation(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
+    let mut residual = Vec::new();
+    Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
+    loss::correlation_samples(&residual, fit.scale_bar).clamp(TAU_SAMPLES.0, TAU_SAMPLES.1)
+}
+
+/// Whether `next` is so much better than `incumbent` that it counts: very strong evidence, and more than a trifle.
+fn worth(fitter: &Fitter<'_>, incumbent: &Fit<'_>, next: &Fit<'_>) -> bool {
+    let effective = fitter.effective();
+    if incumbent.bic(effective) - next.bic(effective) < VERY_STRONG {
+        return false;
+    }
+    let closer = next.scale_bar < (1.0 - WORTH) * incumbent.scale_bar || next.rmse_bar < (1.0 - WORTH) * incumbent.rmse_bar;
+    // A parameter of the calibration had to stand in for it, far from where the calibration found it.
+    let stood_in = incumbent.prior_nats - next.prior_nats > 0.5 * VERY_STRONG;
+    (closer || stood_in) && own_rms(fitter, next, next.model.effects.len() - 1) > TRIFLE * fitter.evidence.noise_bar
+}
+
+/// RMS of what effect number `k` of a fit does to the pressure, all else equal [bar].
+pub fn own_rms(fitter: &Fitter<'_>, fit: &Fit<'_>, k: usize) -> f64 {
+    let mut theta = fit.theta.clone();
+    theta.drain(fit.model.place(k));
+    let without = Fit { model: fit.model.without(k), theta, ..fit.clone() };
+    explained_rms(fitter, &without, fit)
+}
+
+/// RMS of what the two models differ by, where there is data [bar].
+pub fn explained_rms(fitter: &Fitter<'_>, a: &Fit<'_>, b: &Fit<'_>) -> f64 {
+    let mut simulator = Simulator::new(fitter.evidence);
+    let (mut first, mut second) = (Vec::new(), Vec::new());
+    simulator.pressure(&a.model, &a.theta, &mut first);
+    simulator.pressure(&b.model, &b.theta, &mut second);
+    let squares: Vec<f64> =
+        first.iter().zip(&second).zip(&fitter.measured).filter(|(_, y)| y.is_finite()).map(|((p, q), _)| (p - q).powi(2)).collect();
+    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+}
+
+/// After an effect was added: swap each earlier one for its rivals, drop what has become needless.
+fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fit<'a> {
+    let effective = fitter.effective();
+    let mut k = 0;
+    while fit.model.effects.len() > 1 && k < fit.model.effects.len() - 1 {
+        // Without it.
+        let less_model = fit.model.without(k);
+        let mut start = fit.theta.clone();
+        start.drain(fit.model.place(k));
+        let less = fitter.refit(&less_model, &start);
+        if less.bic(effective) < fit.bic(effective) + VERY_STRONG * 0.5 {
+            fit = less;
+            continue;
+        }
+        // The rivals of the round in which it was found, in its place.
+        let rivals: Vec<&'static dyn Effect> = rounds
+            .iter()
+            .find(|r| r.ranked.iter().any(|c| c.effect.id() == fit.model.effects[k].id()))
+            .map(|r| r.ranked.iter().map(|c| c.effect).take(6).collect())
+            .unwrap_or_default();
+        let swapped: Vec<Fit<'a>> = rivals
+            .into_par_iter()
+            .filter(|e| !fit.model.effects.iter().any(|have| have.id() == e.id()))
+            .map(|e| fitter.fit_new(&less_model.with(e), &less, &[]))
+            .collect();
+        if let Some(better) = swapped.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)))
+            && better.bic(effective) < fit.bic(effective) - 2.0
+        {
+            fit = better;
+            // The newcomer stands last now; the one that moved to this place is looked at next.
+            continue;
+        }
+        k += 1;
+    }
+    fit
+}

@@ -1,0 +1,90 @@
+//! The sentences of a diagnosis.
+
+use super::diagnosis::{Diagnosis, Finding, Verdict};
+use crate::physics::{Effect, effect};
+
+/// The title of an effect's manual page, in lower case: `first-order lag`.
+pub fn title(id: &str) -> String {
+    let doc = effect(id).map(|e| e.doc()).unwrap_or_default();
+    doc.lines().next().map_or(id.to_string(), |l| l.trim_start_matches("# ").to_lowercase())
+}
+
+/// What speaks for an effect of the course.
+pub fn evidence(effect: &dyn Effect, without_bar: f64, with_bar: f64, bic: f64, p_value: f64) -> String {
+    let doc = effect.doc();
+    let signature = paragraph(&doc, "Signature:");
+    format!(
+        "without it the error of the fitted model is {without_bar:.3} bar, with it {with_bar:.3} bar (BIC {bic:.0} on effective samples, p = {p_value:.4} over held-out blocks); to be seen as: {signature}"
+    )
+}
+
+/// The paragraph of a manual page that begins with `heading`, as one line.
+pub fn paragraph(doc: &str, heading: &str) -> String {
+    let lines = doc.lines().skip_while(|l| !l.starts_with(heading)).take_while(|l| !l.trim().is_empty());
+    let text: Vec<&str> = lines.map(str::trim).collect();
+    text.join(" ").trim_start_matches(heading).trim().to_string()
+}
+
+/// Why a candidate is not among the effects.
+pub fn rejected(id: &str, bic: f64, effects: &[Finding]) -> String {
+    if let Some(f) = effects.iter().find(|f| f.indistinguishable.iter().any(|r| r == id)) {
+        return format!("explains this record about as well as {}, which is named", f.id);
+    }
+    if bic > -10.0 {
+        return format!("a recalibration explains the record as well (BIC {bic:+.0})");
+    }
+    match effects.first() {
+        Some(f) => format!("{} explains the record better, and then this adds nothing of worth", f.id),
+        None => "what it explains is a trifle against noise and accuracy of the model".into(),
+    }
+}
+
+/// The answer in one paragraph.
+pub fn summary(d: &Diagnosis) -> String {
+    let e = &d.rmse_bar;
+    let error = format!(
+        "The model as given is off by {:.3} bar RMSE; recalibrated {:.3} bar on held-out data; the sensor noise is {:.3} bar.",
+        e.base, e.refit_heldout, e.noise_floor
+    );
+    let named: Vec<String> = d
+        .effects
+        .iter()
+        .map(|f| {
+            let values: Vec<String> = f.parameters.iter().take(3).map(|(name, p)| format!("{name} {}", figure(p.value, &p.unit))).collect();
+            let rivals = match f.indistinguishable.as_slice() {
+                [] => String::new(),
+                rivals => format!("; this record cannot tell it from {}", rivals.iter().map(|r| title(r)).collect::<Vec<_>>().join(" or ")),
+            };
+            format!("{} ({}{rivals})", title(&f.id), values.join(", "))
+        })
+        .collect();
+    let found = named.join("; ");
+    let held = format!("With that the error on held-out data is {:.3} bar.", e.augmented_heldout);
+    let rest = d.unexplained.as_ref().map_or(String::new(), |r| {
+        let on = match r.depends_on.as_slice() {
+            [] => "no variable of the operating point that was looked at".into(),
+            some => some.iter().map(|(name, share)| format!("{name} ({:.0} % of its variance)", 100.0 * share)).collect::<Vec<_>>().join(", "),
+        };
+        format!("{:.3} bar RMS beyond the noise remain; they depend on {on}.", r.rms_bar)
+    });
+    match d.verdict {
+        Verdict::Match => format!("Nothing is wrong beyond noise and the model's own accuracy. {error}"),
+        Verdict::Explained => format!("Missing in the model: {found}. {error} {held}"),
+        Verdict::PartlyExplained => format!("Missing in the model, among other things: {found}. {error} {held} {rest} I do not know what that is."),
+        Verdict::Unexplained => format!("Something is missing, but none of the effects in the library explains it. {error} {rest}"),
+    }
+}
+
+/// A value with a unit that reads well: seconds below one as milliseconds, amperes as milliamperes, ratios as percent.
+pub fn figure(value: f64, unit: &str) -> String {
+    let round = |v: f64| {
+        let digits = if v == 0.0 { 0 } else { (2 - v.abs().log10().floor() as i32).clamp(0, 6) as usize };
+        format!("{v:.digits$}")
+    };
+    match unit {
+        "s" if value.abs() < 1.0 => format!("{} ms", round(1e3 * value)),
+        "A" if value.abs() < 1.0 => format!("{} mA", round(1e3 * value)),
+        "1" => round(value),
+        _ => format!("{} {unit}", round(value)),
+    }
+}
