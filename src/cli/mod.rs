@@ -12,6 +12,7 @@ mod batch_prompt;
 mod challenge;
 mod check;
 mod completions;
+mod diagnose;
 mod diff;
 mod emulate;
 mod explain;
@@ -141,6 +142,10 @@ enum Command {
         after_help = "Examples:\n  hil simulate drive.csv --model valve.toml -o simulated.csv\n  hil simulate log.mf4 --model paper --map current_a=\"I_cmd [mA]\" -o simulated.mf4\n\nThe RMSE against the measured pressure is printed for the model and for the average model."
     )]
     Simulate(simulate::SimulateArgs),
+    /// Say where a simulation and a recording differ, what physics is missing, and how sure that is.
+    ///
+    /// Example: hil diagnose drive.csv --model valve.toml -o augmented.toml --report diagnosis.html
+    Diagnose(diagnose::DiagnoseArgs),
     /// Compare two records, or two folders of records: verdicts first, then figures beyond tolerance.
     #[command(
         after_help = "Examples:\n  hil diff reports/tipin reports/runs/tipin\n  hil diff reports reports/runs --format markdown > diff.md\n  hil diff A B --tolerance rmse=\"5 mbar\"\n\nExit code 1 when anything differs beyond tolerance."
@@ -202,6 +207,7 @@ pub fn main() -> u8 {
         Command::Probe(args) => probe::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Diagnose(args) => diagnose::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Batch(args) => batch::run(&args),
         Command::History(args) => history::run(&args),

@@ -58,7 +58,8 @@ impl<'a> Findings<'_, 'a> {
         let evidence = fitter.evidence;
         let measured_all = evidence.pressure_bar();
         let calibrated = Fit { model: self.base.clone(), theta: self.base.calibrated(), ..search.null.clone() };
-        let (base_bar, refit_bar, augmented_bar) = (self.simulated(&calibrated), self.simulated(&search.null), self.simulated(&search.chosen));
+        let (base_bar, refit_bar, augmented_bar) =
+            (self.simulated(&calibrated), self.simulated(&search.null), self.simulated(&search.chosen));
         let base_residual: Vec<f64> = measured_all.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
         let (refit_held, chosen_held) = rayon::join(|| held_out(fitter, &search.null, 6), || held_out(fitter, &search.chosen, 6));
         let mut findings = self.course_findings(&chosen_held);
@@ -180,7 +181,18 @@ impl<'a> Findings<'_, 'a> {
                 let indistinguishable = self.rivals(k, &without, importance);
                 let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
                 let id = effect.id().to_string();
-                (importance, Finding { id, parameters, heldout_gain_bar: gain, heldout_gain_interval_bar: interval, p_value, indistinguishable, evidence })
+                (
+                    importance,
+                    Finding {
+                        id,
+                        parameters,
+                        heldout_gain_bar: gain,
+                        heldout_gain_interval_bar: interval,
+                        p_value,
+                        indistinguishable,
+                        evidence,
+                    },
+                )
             })
             .collect()
     }
@@ -204,7 +216,10 @@ impl<'a> Findings<'_, 'a> {
             .collect();
         let mut names: Vec<&'static dyn Effect> = Vec::new();
         for e in near {
-            if e.kind() == Kind::Course && !names.iter().any(|n| n.id() == e.id()) && !chosen.model.effects.iter().any(|have| have.id() == e.id()) {
+            if e.kind() == Kind::Course
+                && !names.iter().any(|n| n.id() == e.id())
+                && !chosen.model.effects.iter().any(|have| have.id() == e.id())
+            {
                 names.push(e);
             }
         }

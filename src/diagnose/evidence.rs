@@ -87,7 +87,9 @@ impl Evidence {
             ));
         }
         if current < 0.01 * limit {
-            return Some(format!("the current stays below {current} A, a hundredth of the valve's {limit} A: wrong unit, or no excitation"));
+            return Some(format!(
+                "the current stays below {current} A, a hundredth of the valve's {limit} A: wrong unit, or no excitation"
+            ));
         }
         let (low, high) = valve.curves.pressure_range_bar();
         let reach = low.abs().max(high.abs());

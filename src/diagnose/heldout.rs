@@ -45,7 +45,8 @@ impl HeldOut {
     /// of such a difference by flips of sign.
     pub fn gain_over(&self, without: &Self) -> (f64, Option<(f64, f64)>, f64) {
         let gain = without.rmse_bar() - self.rmse_bar();
-        let pairs: Vec<(f64, f64, usize)> = self.blocks().iter().zip(without.blocks()).map(|(a, b)| (a.0, b.0, a.1)).filter(|p| p.2 > 0).collect();
+        let pairs: Vec<(f64, f64, usize)> =
+            self.blocks().iter().zip(without.blocks()).map(|(a, b)| (a.0, b.0, a.1)).filter(|p| p.2 > 0).collect();
         if pairs.len() < 4 {
             return (gain, None, 1.0);
         }
@@ -53,7 +54,9 @@ impl HeldOut {
         // Differences of the root of each block's mean square: a block with one large event counts as one block.
         let differences: Vec<f64> = pairs.iter().map(|(a, b, n)| (b / *n as f64).sqrt() - (a / *n as f64).sqrt()).collect();
         let observed: f64 = differences.iter().sum();
-        let at_least = (0..FLIPS).filter(|_| differences.iter().map(|d| if random.random::<bool>() { *d } else { -d }).sum::<f64>() >= observed).count();
+        let at_least = (0..FLIPS)
+            .filter(|_| differences.iter().map(|d| if random.random::<bool>() { *d } else { -d }).sum::<f64>() >= observed)
+            .count();
         let p_value = (at_least + 1) as f64 / (FLIPS + 1) as f64;
         let mut gains: Vec<f64> = (0..400)
             .map(|_| {

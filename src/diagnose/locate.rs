@@ -106,7 +106,9 @@ fn windows(evidence: &Evidence, residual: &[f64], total: f64, noise: f64) -> Vec
                     w.share += share;
                     w.noise_share += noise_share;
                 }
-                (None, true) => open = Some(Window { run: grid.name.clone(), from_s: grid.time_s(from), to_s: grid.time_s(to - 1), share, noise_share }),
+                (None, true) => {
+                    open = Some(Window { run: grid.name.clone(), from_s: grid.time_s(from), to_s: grid.time_s(to - 1), share, noise_share })
+                }
                 _ => found.extend(open.take()),
             }
         }

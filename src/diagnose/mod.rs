@@ -17,7 +17,8 @@ mod search;
 mod words;
 
 pub use diagnosis::{
-    Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, SCHEMA, Verdict, Window,
+    Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, SCHEMA, Verdict,
+    Window,
 };
 pub use words::{figure, title};
 

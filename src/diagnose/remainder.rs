@@ -36,7 +36,8 @@ pub fn remainder(evidence: &Evidence, residual: &[f64], simulated_bar: &[f64], b
             let all = bins(&v.values, residual, BINS);
             let share = correlation_ratio(&all, residual, 0);
             let n = residual.len();
-            let by_chance = (0..SHIFTS).filter(|_| correlation_ratio(&all, residual, random.random_range(n / 20..n - n / 20)) >= share).count();
+            let by_chance =
+                (0..SHIFTS).filter(|_| correlation_ratio(&all, residual, random.random_range(n / 20..n - n / 20)) >= share).count();
             let p_value = (by_chance + 1) as f64 / (SHIFTS + 1) as f64;
             Dependence { name: v.name, share, p_value, gain_bar: table_gain(&all, residual, block) }
         })
@@ -44,7 +45,12 @@ pub fn remainder(evidence: &Evidence, residual: &[f64], simulated_bar: &[f64], b
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
     let depends_on = found.iter().filter(|d| d.p_value <= 0.01 && d.share > 0.02).map(|d| (d.name.to_string(), d.share)).take(3).collect();
     let gain = found.iter().filter(|d| d.p_value <= 0.01).map(|d| d.gain_bar).fold(0.0, f64::max);
-    Some(Remainder { rms_bar: beyond, depends_on, table_heldout_gain_bar: gain, windows: locate(evidence, residual, simulated_bar).windows })
+    Some(Remainder {
+        rms_bar: beyond,
+        depends_on,
+        table_heldout_gain_bar: gain,
+        windows: locate(evidence, residual, simulated_bar).windows,
+    })
 }
 
 /// Variance of the binned conditional mean over the variance, with the residual turned by `shift` samples.

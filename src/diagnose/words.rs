@@ -63,14 +63,18 @@ pub fn summary(d: &Diagnosis) -> String {
     let rest = d.unexplained.as_ref().map_or(String::new(), |r| {
         let on = match r.depends_on.as_slice() {
             [] => "no variable of the operating point that was looked at".into(),
-            some => some.iter().map(|(name, share)| format!("{name} ({:.0} % of its variance)", 100.0 * share)).collect::<Vec<_>>().join(", "),
+            some => {
+                some.iter().map(|(name, share)| format!("{name} ({:.0} % of its variance)", 100.0 * share)).collect::<Vec<_>>().join(", ")
+            }
         };
         format!("{:.3} bar RMS beyond the noise remain; they depend on {on}.", r.rms_bar)
     });
     match d.verdict {
         Verdict::Match => format!("Nothing is wrong beyond noise and the model's own accuracy. {error}"),
         Verdict::Explained => format!("Missing in the model: {found}. {error} {held}"),
-        Verdict::PartlyExplained => format!("Missing in the model, among other things: {found}. {error} {held} {rest} I do not know what that is."),
+        Verdict::PartlyExplained => {
+            format!("Missing in the model, among other things: {found}. {error} {held} {rest} I do not know what that is.")
+        }
         Verdict::Unexplained => format!("Something is missing, but none of the effects in the library explains it. {error} {rest}"),
     }
 }

@@ -92,7 +92,11 @@ impl Effect for SensorOutliers {
             theta: vec![share, size],
             std_errors: vec![(share * (1.0 - share) / n as f64).sqrt(), size / (2.0 * count).sqrt()],
             gain_nats: sizes.iter().map(nats).sum(),
-            evidence: format!("{} single readings lie {size:.2} bar (RMS) off both neighbours, more than six times the noise of {:.3} bar", masked.len(), of.noise_bar),
+            evidence: format!(
+                "{} single readings lie {size:.2} bar (RMS) off both neighbours, more than six times the noise of {:.3} bar",
+                masked.len(),
+                of.noise_bar
+            ),
             masked,
             spread_bar,
         })

@@ -55,7 +55,8 @@ impl Effect for SensorQuantization {
         let rough = gaps[gaps.len() / 4];
         // A reading printed with few digits blurs the comb by half a digit.
         let blur = 0.02 * rough + 1.1e-3;
-        let on_comb = gaps.iter().filter(|g| (*g / rough - (*g / rough).round()).abs() * rough <= blur * (*g / rough).round().max(1.0)).count();
+        let on_comb =
+            gaps.iter().filter(|g| (*g / rough - (*g / rough).round()).abs() * rough <= blur * (*g / rough).round().max(1.0)).count();
         let span = values[values.len() - 1] - values[0];
         let steps: f64 = gaps.iter().map(|g| (g / rough).round()).sum();
         let step = span / steps.max(1.0);

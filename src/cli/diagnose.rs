@@ -1,0 +1,103 @@
+//! `hil diagnose`: where a simulation and a recording differ, what is missing, and how sure that is.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::{CliError, CliResult, exit};
+use crate::diagnose::{Verdict, diagnose};
+use crate::physics::EFFECTS;
+use crate::recording::{Mapping, Recording, replace_file};
+use crate::report;
+use crate::valve::{Hysteresis, Valve};
+
+/// What to diagnose.
+#[derive(Debug, Args)]
+pub struct DiagnoseArgs {
+    /// The recording: .csv, .parquet or .mf4
+    recording: PathBuf,
+    /// The valve model: a file, or the bare name of one in valves/
+    #[arg(long, value_name = "VALVE")]
+    model: String,
+    /// Writes the model with the effects that were found; every other command takes it
+    #[arg(short = 'o', long, value_name = "AUGMENTED")]
+    output: Option<PathBuf>,
+    /// Writes a page that tells the story
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Writes the plan of the experiment that would separate what cannot be told apart
+    #[arg(long, value_name = "PLAN")]
+    next_plan: Option<PathBuf>,
+    /// Takes a part out of the model first: an effect's id, `hysteresis` or `delay`
+    #[arg(long, value_name = "PART")]
+    without: Vec<String>,
+    /// Exit with 1 where the verdict is not `match`
+    #[arg(long, value_enum, value_name = "mismatch")]
+    fail_on: Option<FailOn>,
+    /// Takes a foreign channel, for instance current_a="I_cmd [mA]" or current_a="0.01 * duty_pct"
+    #[arg(long, value_name = "CH=EXPR")]
+    map: Vec<String>,
+    /// Format of what is printed
+    #[arg(long, value_enum, default_value = "text")]
+    format: Format,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum FailOn {
+    Mismatch,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Format {
+    Text,
+    Json,
+}
+
+/// Diagnoses, writes what was asked for, prints.
+pub fn run(args: &DiagnoseArgs) -> CliResult {
+    let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
+    let mut valve = Valve::find(&args.model).and_then(|path| Valve::load(&path)).map_err(CliError::input)?;
+    for part in &args.without {
+        take_out(&mut valve, part)?;
+    }
+    let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
+    let diagnosed = diagnose(&recording, &valve).map_err(CliError::input)?;
+    if let Some(path) = &args.output {
+        store(path, &diagnosed.augmented.to_toml())?;
+    }
+    match args.format {
+        Format::Json => super::print(&report::diagnosis::json(&diagnosed.diagnosis))?,
+        Format::Text => super::print(&report::diagnosis::text(&diagnosed.diagnosis))?,
+    }
+    let mismatch = args.fail_on.is_some() && diagnosed.diagnosis.verdict != Verdict::Match;
+    Ok(if mismatch { exit::NEGATIVE } else { exit::DONE })
+}
+
+/// Removes a part of a model, as if it had never been there.
+fn take_out(valve: &mut Valve, part: &str) -> Result<(), CliError> {
+    match part {
+        "hysteresis" => valve.hysteresis = Hysteresis::None,
+        "delay" => (valve.delay_s, valve.delay_range_s) = (0.0, (0.0, 0.0)),
+        id => {
+            let before = valve.effects.len();
+            valve.effects.retain(|e| e.id != id);
+            if id == "first_order_lag" && valve.lag_s > 0.0 {
+                valve.lag_s = 0.0;
+            } else if valve.effects.len() == before {
+                let parts: Vec<&str> = valve.effects.iter().map(|e| e.id.as_str()).collect();
+                let known = if EFFECTS.iter().any(|e| e.id() == id) { "is not in this model" } else { "is no part" };
+                return Err(CliError::usage(format!(
+                    "--without {id}: {known}; the model has: hysteresis, delay{}{}",
+                    if parts.is_empty() { "" } else { ", " },
+                    parts.join(", ")
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn store(path: &Path, text: &str) -> Result<(), CliError> {
+    replace_file(path, |file| file.write_all(text.as_bytes())).map_err(CliError::not_stored)
+}

@@ -1,0 +1,93 @@
+//! A diagnosis for a terminal of 80 columns.
+
+use std::fmt::Write;
+
+use crate::diagnose::{Diagnosis, Verdict, figure, title};
+use crate::report::{COLUMNS, fold};
+
+/// The diagnosis as text.
+pub fn text(d: &Diagnosis) -> String {
+    let mut out = String::new();
+    let verdict = match d.verdict {
+        Verdict::Match => "MATCH: nothing is wrong",
+        Verdict::Explained => "EXPLAINED",
+        Verdict::PartlyExplained => "PARTLY EXPLAINED: structure remains",
+        Verdict::Unexplained => "UNEXPLAINED: no effect of the library carries it",
+    };
+    let _ = writeln!(out, "{} against {}: {verdict}\n", d.recording, d.model);
+    paragraph(&mut out, &d.summary, 0);
+    let e = &d.rmse_bar;
+    let _ = writeln!(out, "\nRMSE [bar]      all data  held out");
+    let _ = writeln!(out, "  as given      {:8.3}  {:8.3}", e.base, e.base_heldout);
+    let _ = writeln!(out, "  recalibrated            {:8.3}", e.refit_heldout);
+    let _ = writeln!(out, "  augmented               {:8.3}", e.augmented_heldout);
+    let _ = writeln!(out, "  sensor noise  {:8.3}", e.noise_floor);
+    for (n, f) in d.effects.iter().enumerate() {
+        let _ = writeln!(out, "\n{}. {} ({})", n + 1, title(&f.id), f.id);
+        for (name, p) in &f.parameters {
+            let error = p.std_error.map_or("not carried by this recording".into(), |s| format!("+/- {}", figure(s, &p.unit)));
+            let _ = writeln!(out, "   {name:<12} {:>12}  {error}", figure(p.value, &p.unit));
+        }
+        let interval = f.heldout_gain_interval_bar.map_or(String::new(), |(a, b)| format!(" (95 %: {a:.3} to {b:.3})"));
+        let _ = writeln!(out, "   held-out gain {:.3} bar{interval}, p = {:.4}", f.heldout_gain_bar, f.p_value);
+        if !f.indistinguishable.is_empty() {
+            paragraph(&mut out, &format!("explains this record as well: {}", f.indistinguishable.join(", ")), 3);
+        }
+        paragraph(&mut out, &f.evidence, 3);
+    }
+    if !d.recalibration.is_empty() {
+        let _ = writeln!(out, "\nRecalibrated besides");
+        for c in &d.recalibration {
+            let _ = writeln!(out, "  {:<12} {:>12} -> {}", c.parameter, figure(c.before, &c.unit), figure(c.after, &c.unit));
+        }
+    }
+    where_it_is(&mut out, d);
+    let _ = writeln!(out, "\nTried, alone           BIC  held out [bar]");
+    for c in d.candidates.iter().take(8) {
+        let held = c.heldout_rmse_bar.map_or("-".into(), |r| format!("{r:.3}"));
+        let _ = writeln!(out, "  {:<26}{:>8.0}  {held:>7}{}", c.id, c.bic, if c.rejected_because.is_none() { "  named" } else { "" });
+    }
+    if let Some(next) = &d.next_experiment {
+        let _ = writeln!(out, "\nNext experiment");
+        paragraph(&mut out, &next.text, 2);
+    }
+    if !d.notes.is_empty() {
+        let _ = writeln!(out, "\nNotes");
+        for note in &d.notes {
+            paragraph(&mut out, note, 2);
+        }
+    }
+    out
+}
+
+fn where_it_is(out: &mut String, d: &Diagnosis) {
+    if d.place.windows.is_empty() && d.place.regions.is_empty() {
+        return;
+    }
+    let _ = writeln!(out, "\nWhere the model as given errs (share of the squared error)");
+    for w in d.place.windows.iter().take(4) {
+        let run = w.run.as_ref().map_or(String::new(), |r| format!("{r}: "));
+        let _ = writeln!(out, "  {run}{:.1} s to {:.1} s: {:.0} %", w.from_s, w.to_s, 100.0 * w.share);
+    }
+    for r in d.place.regions.iter().take(4) {
+        let _ = writeln!(
+            out,
+            "  {} {:.3} to {:.3}: {:.0} % on {:.0} % of the samples, mean {:+.3} bar",
+            r.variable,
+            r.from,
+            r.to,
+            100.0 * r.share,
+            100.0 * r.samples_share,
+            r.mean_bar
+        );
+    }
+    if let Some((low, high)) = d.place.band_hz {
+        let _ = writeln!(out, "  mostly between {low:.2} Hz and {high:.2} Hz");
+    }
+}
+
+fn paragraph(out: &mut String, text: &str, indent: usize) {
+    for line in fold(text, COLUMNS - indent) {
+        let _ = writeln!(out, "{:indent$}{line}", "");
+    }
+}
