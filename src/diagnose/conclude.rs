@@ -57,7 +57,9 @@ impl<'a> Findings<'_, 'a> {
         let (fitter, search) = (self.fitter, self.search);
         let evidence = fitter.evidence;
         let measured_all = evidence.pressure_bar();
-        let calibrated = Fit { model: self.base.clone(), theta: self.base.calibrated(), ..search.null.clone() };
+        let mut given = self.base.calibrated();
+        given[BASE - 1] = self.base.valve.lag_s;
+        let calibrated = Fit { model: self.base.clone(), theta: given, ..search.null.clone() };
         let (base_bar, refit_bar, augmented_bar) =
             (self.simulated(&calibrated), self.simulated(&search.null), self.simulated(&search.chosen));
         let base_residual: Vec<f64> = measured_all.iter().zip(&base_bar).map(|(y, p)| y - p).collect();

@@ -102,13 +102,8 @@ impl Evidence {
     }
 
     /// Samples in all, used or not.
-    pub fn len(&self) -> usize {
+    pub fn samples(&self) -> usize {
         self.grids.iter().map(|g| g.current_a.len()).sum()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// The measured pressures of all runs, one after the other.

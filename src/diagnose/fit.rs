@@ -231,18 +231,20 @@ impl<'e> Fitter<'e> {
         }
         let order = |a: &Fit<'_>, b: &Fit<'_>| self.objective(a).total_cmp(&self.objective(b));
         tried.sort_by(order);
-        tried.truncate(8);
+        tried.truncate(6);
         // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back.
         let mut tried: Vec<Fit<'a>> = tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, 2, held + 1)).collect();
         tried.sort_by(order);
-        tried.truncate(4);
+        tried.truncate(3);
         let mut rough: Vec<Fit<'a>> = tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, 3, held)).collect();
         rough.sort_by(order);
-        rough.truncate(2);
         // What a few steps bring nowhere near the incumbent is not worth the rest.
         let hopeless =
             (self.objective(&rough[0]) - self.objective(incumbent)) * self.effective() > 8.0 && rough[0].rmse_bar > incumbent.rmse_bar;
-        let (steps, keep) = if hopeless { (2, 1) } else { (12, 2) };
+        let steps = if hopeless { 1 } else { 12 };
+        // A second start goes on only where it may still win.
+        let near = |f: &Fit<'_>| (self.objective(f) - self.objective(&rough[0])) * self.effective() < 6.0;
+        let keep = if hopeless || rough.len() < 2 || !near(&rough[1]) { 1 } else { 2 };
         rough.truncate(keep);
         let mut fine: Vec<Fit<'a>> = rough.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, steps, 0)).collect();
         fine.sort_by(order);

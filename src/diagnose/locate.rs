@@ -22,7 +22,7 @@ pub struct Variable {
 
 /// The operating point of every sample: pressure (simulated), current, rate, and the history of reversals.
 pub fn variables(evidence: &Evidence, simulated_bar: &[f64]) -> Vec<Variable> {
-    let n = evidence.len();
+    let n = evidence.samples();
     let mut columns: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(n));
     for grid in &evidence.grids {
         let (mut reversal_a, mut since_s, mut dwell_s, mut direction) = (grid.current_a[0], 0.0, 0.0, 0.0);

@@ -58,14 +58,18 @@ pub enum DiagnoseError {
 /// [`DiagnoseError`] where the recording is too short, has no excitation or no pressure, or the model cannot be simulated.
 pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, DiagnoseError> {
     let mut evidence = Evidence::of(recording)?;
-    let base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source })?;
+    let mut base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source })?;
     if let Some(problem) = evidence.mismatch(valve) {
         return Err(DiagnoseError::Recording { source_name: recording.source.clone(), problem });
     }
     evidence.notes.extend(valve.warnings());
     let mut fitter = Fitter::new(&evidence);
     // Readings that measure nothing go first, so that they hide nothing else.
-    let null = fitter.recalibrate(&base, &[]);
+    let mut null = fitter.recalibrate(&base, &[]);
+    if !base.confirms_lag(null.theta[model::BASE - 1]) {
+        base = base.distrusting_lag();
+        null = fitter.recalibrate(&base, &[]);
+    }
     let mut scattered = scatter(&fitter, &null, &[]);
     for s in &scattered {
         for k in &s.finding.masked {

@@ -24,21 +24,35 @@ pub struct Prior {
     pub mean: f64,
     /// How far a good calibration may be off.
     pub sigma: f64,
-    /// Where a calibration on a valve that had the effect already may be off by any amount: beyond a few sigma the
-    /// price hardly rises. What an effect of its own stands for (gain, offset, delay) pays in full.
-    pub heavy: bool,
+    /// On which side a calibration on a valve that had an effect already may be off by any amount, so that beyond a
+    /// few sigma the price hardly rises. What an effect of its own stands for (gain, offset, a longer delay) pays in full.
+    pub heavy: Heavy,
+}
+
+/// The heavy side of a [`Prior`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Heavy {
+    /// Neither.
+    No,
+    /// Below the mean: a delay that had taken in a lag gives it back.
+    Below,
+    /// Both.
+    Both,
 }
 
 impl Prior {
     /// Price of a value [nats].
     pub fn nats(&self, value: f64) -> f64 {
         let z2 = ((value - self.mean) / self.sigma).powi(2);
-        if self.heavy { 2.5 * (z2 / 4.0).ln_1p() } else { 0.5 * z2 }
+        if self.is_heavy(value) { 2.5 * (z2 / 4.0).ln_1p() } else { 0.5 * z2 }
     }
     /// Curvature that a least-squares step uses for it.
     pub fn stiffness(&self, value: f64) -> f64 {
         let z2 = ((value - self.mean) / self.sigma).powi(2);
-        (if self.heavy { 5.0 / (4.0 + z2) } else { 1.0 }) / (self.sigma * self.sigma)
+        (if self.is_heavy(value) { 5.0 / (4.0 + z2) } else { 1.0 }) / (self.sigma * self.sigma)
+    }
+    fn is_heavy(&self, value: f64) -> bool {
+        self.heavy == Heavy::Both || (self.heavy == Heavy::Below && value < self.mean)
     }
 }
 
@@ -50,6 +64,7 @@ pub const UNSEEN_LAG_S: f64 = 0.015;
 
 /// How far a good calibration may be off: gain, offset [bar], loop width [bar], ln a, delay [s].
 const CALIBRATION: [f64; 5] = [0.003, 0.03, 0.08, 0.7, 0.005];
+const HEAVY: [Heavy; 5] = [Heavy::No, Heavy::No, Heavy::Both, Heavy::Both, Heavy::Below];
 
 /// A base valve with a list of effects.
 #[derive(Clone)]
@@ -60,6 +75,8 @@ pub struct Model<'a> {
     fixed: Vec<(&'static dyn Effect, Vec<f64>)>,
     /// Effects whose parameters are free.
     pub effects: Vec<&'static dyn Effect>,
+    /// Largest lag that counts as part of the base [s].
+    lag_limit_s: f64,
 }
 
 impl<'a> Model<'a> {
@@ -69,7 +86,18 @@ impl<'a> Model<'a> {
     /// Where the valve names an effect that does not exist.
     pub fn base(valve: &'a Valve) -> Result<Self, crate::physics::PhysicsError> {
         let fixed = valve.effects.iter().map(resolve).collect::<Result<_, _>>()?;
-        Ok(Self { valve, fixed, effects: Vec::new() })
+        Ok(Self { valve, fixed, effects: Vec::new(), lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S })
+    }
+
+    /// This model with no more lag than a slow sweep cannot see: a longer one, which an identification took in and the
+    /// recording does not confirm, is then an effect like any other.
+    pub fn distrusting_lag(&self) -> Self {
+        Self { lag_limit_s: UNSEEN_LAG_S, ..self.clone() }
+    }
+
+    /// Whether this lag [s] is what the model has, or too small to be seen.
+    pub fn confirms_lag(&self, lag_s: f64) -> bool {
+        self.valve.lag_s <= UNSEEN_LAG_S || (lag_s / self.valve.lag_s - 1.0).abs() < 0.3
     }
 
     /// This model with one effect more.
@@ -98,7 +126,7 @@ impl<'a> Model<'a> {
             Hysteresis::Hyperbolic { a_bar2 } => a_bar2.max(1e-6).ln(),
             Hysteresis::None => 0.0,
         };
-        vec![0.0, 0.0, 0.0, ln_a, self.valve.delay_s, self.valve.lag_s]
+        vec![0.0, 0.0, 0.0, ln_a, self.valve.delay_s, self.valve.lag_s.min(self.lag_limit_s)]
     }
 
     /// The free parameters, in the order of the vector.
@@ -108,10 +136,10 @@ impl<'a> Model<'a> {
             range: (start[k] - half, start[k] + half),
             log: false,
             step,
-            prior: Some(Prior { mean: start[k], sigma: CALIBRATION[k], heavy: k == 2 || k == 3 }),
+            prior: Some(Prior { mean: start[k], sigma: CALIBRATION[k], heavy: HEAVY[k] }),
         };
         let delay = Free { range: (0.0, start[4] + 0.15), ..linear(4, 0.0, 3e-4) };
-        let lag = Free { range: (0.0, self.valve.lag_s + UNSEEN_LAG_S), log: false, step: 3e-4, prior: None };
+        let lag = Free { range: (0.0, self.lag_limit_s), log: false, step: 3e-4, prior: None };
         let mut free = vec![linear(0, 0.3, 1e-4), linear(1, 3.0, 2e-3), linear(2, 3.0, 2e-3), linear(3, 5.0, 0.02), delay, lag];
         for effect in &self.effects {
             free.extend(effect.parameters().iter().map(|p| {

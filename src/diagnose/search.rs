@@ -15,7 +15,9 @@ pub const VERY_STRONG: f64 = 10.0;
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
 /// A finding must lower the scale or the RMSE of the residual by this share,
 const WORTH: f64 = 0.05;
-/// and what it explains must have at least this RMS, in units of the sensor noise.
+/// what the new model explains beyond the old must have at least this RMS, in units of the sensor noise,
+const NET: f64 = 0.75;
+/// and so must what the effect itself does to the pressure.
 const TRIFLE: f64 = 0.5;
 
 /// One candidate of one round.
@@ -53,7 +55,7 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
     let mut rounds: Vec<Round<'a>> = Vec::new();
     // One round more than effects: an effect may be dropped again.
     for _ in 0..MOST_EFFECTS + 2 {
-        let mut ranked = candidates(fitter, &chosen);
+        let mut ranked = candidates(fitter, &chosen, rounds.last());
         if ranked.is_empty() {
             break;
         }
@@ -91,7 +93,7 @@ fn counted(effects: &[&'static dyn Effect]) -> usize {
 }
 
 /// Every effect of the course that the incumbent does not have, fitted jointly with it.
-fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>) -> Vec<Ranked<'a>> {
+fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Round<'a>>) -> Vec<Ranked<'a>> {
     let mut simulator = Simulator::new(fitter.evidence);
     let mut pressure = Vec::new();
     simulator.pressure(&incumbent.model, &incumbent.theta, &mut pressure);
@@ -109,7 +111,11 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>) -> Vec<Ranked<'a>> {
     open.into_par_iter()
         .map(|effect| {
             let hint = hint(fitter, &residual, &pressure, incumbent.scale_bar);
-            Ranked { effect, fit: fitter.fit_new(&incumbent.model.with(effect), incumbent, &effect.propose(&hint)) }
+            let mut proposals = effect.propose(&hint);
+            // Where it ended in the round before.
+            let last = before.and_then(|r| r.ranked.iter().find(|c| c.effect.id() == effect.id()));
+            proposals.extend(last.map(|c| c.fit.theta[c.fit.model.place(c.fit.model.effects.len() - 1)].to_vec()));
+            Ranked { effect, fit: fitter.fit_new(&incumbent.model.with(effect), incumbent, &proposals) }
         })
         .collect()
 }
@@ -143,7 +149,9 @@ fn worth(fitter: &Fitter<'_>, incumbent: &Fit<'_>, next: &Fit<'_>) -> bool {
     let closer = next.scale_bar < (1.0 - WORTH) * incumbent.scale_bar || next.rmse_bar < (1.0 - WORTH) * incumbent.rmse_bar;
     // A parameter of the calibration had to stand in for it, far from where the calibration found it.
     let stood_in = incumbent.prior_nats - next.prior_nats > 0.5 * VERY_STRONG;
-    (closer || stood_in) && own_rms(fitter, next, next.model.effects.len() - 1) > TRIFLE * fitter.evidence.noise_bar
+    let noise = fitter.evidence.noise_bar;
+    (stood_in || closer && explained_rms(fitter, incumbent, next) > NET * noise)
+        && own_rms(fitter, next, next.model.effects.len() - 1) > TRIFLE * noise
 }
 
 /// RMS of what effect number `k` of a fit does to the pressure, all else equal [bar].

@@ -2,7 +2,7 @@
 //!
 //! What it is: the zero of the pressure sensor moves while the valve works.
 //!
-//! Model: y = P + offset s(t) + start, s(t) = (1 - exp(-t/tau)) / (1 - exp(-60 s/tau)): the drift after one minute.
+//! Model: y = P + offset s(t), s(t) = (1 - exp(-t/tau)) / (1 - exp(-60 s/tau)): the drift after one minute.
 //!
 //! Signature: the error grows with time, alike at every pressure, also at tank pressure, where the valve cannot err.
 //!
@@ -28,7 +28,7 @@ impl Effect for SensorDrift {
         Stage::Sensor
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 3] = [
+        static PARAMETERS: [Parameter; 2] = [
             Parameter {
                 name: "offset",
                 unit: &PRESSURE,
@@ -45,32 +45,23 @@ impl Effect for SensorDrift {
                 default: Some(2000.0),
                 meaning: "time constant of the drift",
             },
-            Parameter {
-                name: "start",
-                unit: &PRESSURE,
-                range: (-5.0, 5.0),
-                starts: &[0.0],
-                default: Some(0.0),
-                meaning: "offset at the start",
-            },
         ];
         &PARAMETERS
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Zero { offset: theta[0], change: SlowChange::new(theta[1], context), start: theta[2] })
+        Box::new(Zero { offset: theta[0], change: SlowChange::new(theta[1], context) })
     }
 }
 
 struct Zero {
     offset: f64,
     change: SlowChange,
-    start: f64,
 }
 
 impl Block for Zero {
     fn start(&mut self, _: f64, _: f64) {}
     #[inline]
     fn step(&mut self, _: f64, input: f64) -> f64 {
-        input + self.start + self.offset * self.change.step()
+        input + self.offset * self.change.step()
     }
 }

@@ -32,7 +32,7 @@ impl Effect for TransportDelay {
         static PARAMETERS: [Parameter; 1] = [Parameter {
             name: "extra",
             unit: &TIME,
-            range: (-0.1, 0.5),
+            range: (0.0, 0.5),
             starts: &[0.02, 0.045, 0.08],
             default: None,
             meaning: "dead time beyond that of the model",
