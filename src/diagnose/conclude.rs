@@ -274,16 +274,22 @@ impl<'a> Findings<'_, 'a> {
         let chosen = &self.search.chosen;
         let (start, errors) = (chosen.model.calibrated(), self.fitter.standard_errors(chosen));
         let trifle = [0.002f64, 0.03, 0.05, 0.2, 0.002, 0.003];
+        let delays = |theta: &[f64]| {
+            let mut t = theta.to_vec();
+            t[4] = super::model::delay_s(theta);
+            t
+        };
+        let (start, chosen_theta) = (delays(&start), delays(&chosen.theta));
         let names = [("gain", "1"), ("offset", "bar"), ("loop width", "bar"), ("a", "bar^2"), ("delay", "s"), ("lag", "s")];
         (0..BASE)
-            .filter(|k| (chosen.theta[*k] - start[*k]).abs() > trifle[*k].max(2.0 * errors[*k]))
+            .filter(|k| (chosen_theta[*k] - start[*k]).abs() > trifle[*k].max(2.0 * errors[*k]))
             .map(|k| {
                 let value = |v: f64| match k {
                     0 => 1.0 + v,
                     3 => v.exp(),
                     _ => v,
                 };
-                Change { parameter: names[k].0.into(), before: value(start[k]), after: value(chosen.theta[k]), unit: names[k].1.into() }
+                Change { parameter: names[k].0.into(), before: value(start[k]), after: value(chosen_theta[k]), unit: names[k].1.into() }
             })
             .collect()
     }

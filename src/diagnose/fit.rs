@@ -240,8 +240,8 @@ impl<'e> Fitter<'e> {
         rough.sort_by(order);
         // What a few steps bring nowhere near the incumbent is not worth the rest.
         let hopeless =
-            (self.objective(&rough[0]) - self.objective(incumbent)) * self.effective() > 8.0 && rough[0].rmse_bar > incumbent.rmse_bar;
-        let steps = if hopeless { 1 } else { 12 };
+            (self.objective(&rough[0]) - self.objective(incumbent)) * self.effective() > 30.0 && rough[0].rmse_bar > incumbent.rmse_bar;
+        let steps = if hopeless { 4 } else { 12 };
         // A second start goes on only where it may still win.
         let near = |f: &Fit<'_>| (self.objective(f) - self.objective(&rough[0])) * self.effective() < 6.0;
         let keep = if hopeless || rough.len() < 2 || !near(&rough[1]) { 1 } else { 2 };
@@ -288,9 +288,9 @@ impl<'e> Fitter<'e> {
         let start = model.calibrated();
         let mut simulator = Simulator::new(self.evidence);
         let mut starts = vec![start.clone()];
-        for (delay, lag) in [(0.0, 0.008), (0.005, 0.003), (-0.01, 0.014)] {
+        for (more, lag) in [(0.0, 0.008), (0.008, 0.003), (0.004, 0.014)] {
             let mut s = start.clone();
-            s[4] = (s[4] + delay).max(0.0);
+            s[4] += more;
             s[5] += lag;
             starts.push(s);
         }

@@ -48,7 +48,7 @@ pub enum DiagnoseError {
         /// The model's name.
         model: String,
         /// What is wrong.
-        source: crate::physics::PhysicsError,
+        source: Box<crate::physics::PhysicsError>,
     },
 }
 
@@ -58,7 +58,7 @@ pub enum DiagnoseError {
 /// [`DiagnoseError`] where the recording is too short, has no excitation or no pressure, or the model cannot be simulated.
 pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, DiagnoseError> {
     let mut evidence = Evidence::of(recording)?;
-    let mut base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source })?;
+    let mut base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) })?;
     if let Some(problem) = evidence.mismatch(valve) {
         return Err(DiagnoseError::Recording { source_name: recording.source.clone(), problem });
     }

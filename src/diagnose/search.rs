@@ -11,6 +11,10 @@ use crate::physics::{EFFECTS, Effect, Hint, Kind};
 pub const MOST_EFFECTS: usize = 3;
 /// A difference of BIC that counts as very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
 pub const VERY_STRONG: f64 = 10.0;
+/// A candidate with this share of the best one's gain is as good.
+const AS_GOOD: f64 = 0.985;
+/// Beyond this the evidence counts even where what is explained lies within the noise, as a faint tone does.
+const OVERWHELMING: f64 = 150.0;
 /// Bounds on how many samples count as one.
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
 /// A finding must lower the scale or the RMSE of the residual by this share,
@@ -69,7 +73,7 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
         if chosen.model.effects.is_empty() {
             null = chosen.clone();
         }
-        let next = ranked.iter().find(|r| worth(fitter, &chosen, &r.fit)).map(|r| r.fit.clone());
+        let next = simplest(fitter, &chosen, &ranked);
         rounds.push(Round { incumbent: chosen.clone(), ranked, effective });
         match next {
             Some(fit) => chosen = settle(fitter, fit, &rounds),
@@ -77,6 +81,15 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
         }
     }
     Search { null, chosen, rounds }
+}
+
+/// The best candidate of worth; among those that are as good as it, the one with the fewest parameters.
+fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>]) -> Option<Fit<'a>> {
+    let effective = fitter.effective();
+    let best = ranked.iter().find(|r| worth(fitter, incumbent, &r.fit))?;
+    let gain = |r: &Ranked<'_>| incumbent.bic(effective) - r.fit.bic(effective);
+    let as_good = ranked.iter().filter(|r| gain(r) > AS_GOOD * gain(best) && worth(fitter, incumbent, &r.fit));
+    as_good.min_by_key(|r| r.effect.parameters().len()).map(|r| r.fit.clone())
 }
 
 /// The incumbent, refitted from where its best challengers ended: otherwise it loses by its own missed optimum.
@@ -143,14 +156,16 @@ fn correlation(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
 /// Whether `next` is so much better than `incumbent` that it counts: very strong evidence, and more than a trifle.
 fn worth(fitter: &Fitter<'_>, incumbent: &Fit<'_>, next: &Fit<'_>) -> bool {
     let effective = fitter.effective();
-    if incumbent.bic(effective) - next.bic(effective) < VERY_STRONG {
+    let gain = incumbent.bic(effective) - next.bic(effective);
+    if gain < VERY_STRONG {
         return false;
     }
+    let faint = gain > OVERWHELMING && next.model.effects.last().is_some_and(|e| e.kind() == Kind::Course);
     let closer = next.scale_bar < (1.0 - WORTH) * incumbent.scale_bar || next.rmse_bar < (1.0 - WORTH) * incumbent.rmse_bar;
     // A parameter of the calibration had to stand in for it, far from where the calibration found it.
     let stood_in = incumbent.prior_nats - next.prior_nats > 0.5 * VERY_STRONG;
     let noise = fitter.evidence.noise_bar;
-    (stood_in || closer && explained_rms(fitter, incumbent, next) > NET * noise)
+    (stood_in || closer && (faint || explained_rms(fitter, incumbent, next) > NET * noise))
         && own_rms(fitter, next, next.model.effects.len() - 1) > TRIFLE * noise
 }
 
@@ -199,7 +214,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
             .map(|e| fitter.fit_new(&less_model.with(e), &less, &[]))
             .collect();
         if let Some(better) = swapped.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)))
-            && better.bic(effective) < fit.bic(effective) - 2.0
+            && better.bic(effective) < fit.bic(effective) - VERY_STRONG
         {
             fit = better;
             // The newcomer stands last now; the one that moved to this place is looked at next.

@@ -52,9 +52,9 @@ impl Effect for DelayJitter {
         let steep = STEEP * of.noise_bar / 0.005;
         let mut shifts: Vec<(usize, f64)> = Vec::new();
         let mut slopes = vec![0.0; n];
-        for k in 1..n.saturating_sub(1) {
+        for (k, kept) in slopes.iter_mut().enumerate().take(n.saturating_sub(1)).skip(1) {
             let slope = (of.simulated_bar[k + 1] - of.simulated_bar[k - 1]) / (2.0 * of.dt_s);
-            slopes[k] = slope;
+            *kept = slope;
             let error = of.measured_bar[k] - of.simulated_bar[k];
             if slope.abs() > steep && error.is_finite() {
                 shifts.push((k, -error / slope));
@@ -89,7 +89,7 @@ impl Effect for DelayJitter {
         let alike = at(3) / variance;
         let own = median(shifts.iter().map(|(k, _)| of.noise_bar / slopes[*k].abs()).collect());
         let spread_s = (spread_s * spread_s - own * own).max(0.0).sqrt();
-        if spread_s < SMALLEST_S || !(alike < 0.35) {
+        if spread_s < SMALLEST_S || alike.is_nan() || alike >= 0.35 {
             return None;
         }
         let spread_bar: Vec<f64> = slopes.iter().map(|s| spread_s * s.abs()).collect();

@@ -53,14 +53,16 @@ impl Effect for SensorQuantization {
         let mut gaps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
         gaps.sort_by(f64::total_cmp);
         let rough = gaps[gaps.len() / 4];
-        // A reading printed with few digits blurs the comb by half a digit.
-        let blur = 0.02 * rough + 1.1e-3;
+        // A reading printed with few digits blurs the comb by a digit, and is no comb itself.
+        let digit =
+            [1.0, 0.1, 0.01, 0.001].into_iter().find(|d| values.iter().all(|v| (v / d - (v / d).round()).abs() < 1e-4)).unwrap_or(0.0);
+        let blur = 0.02 * rough + 1.05 * digit;
         let on_comb =
             gaps.iter().filter(|g| (*g / rough - (*g / rough).round()).abs() * rough <= blur * (*g / rough).round().max(1.0)).count();
         let span = values[values.len() - 1] - values[0];
         let steps: f64 = gaps.iter().map(|g| (g / rough).round()).sum();
         let step = span / steps.max(1.0);
-        let coarse = step > 1.2 * of.noise_bar && step > 0.02;
+        let coarse = step > 1.2 * of.noise_bar && step > 4.0 * digit;
         if !coarse || (on_comb as f64) < 0.97 * gaps.len() as f64 || n < 8 * values.len() {
             return None;
         }
