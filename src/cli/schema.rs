@@ -18,6 +18,8 @@ enum Kind {
     Valve,
     Driver,
     Limits,
+    Station,
+    Population,
 }
 
 /// Prints the schema.
@@ -26,6 +28,8 @@ pub fn run(args: &SchemaArgs) -> CliResult {
         Kind::Plan => schemars::schema_for!(crate::plan::PlanFile),
         Kind::Limits => schemars::schema_for!(crate::plan::LimitsFile),
         Kind::Valve => schemars::schema_for!(crate::valve::ValveFile),
+        Kind::Station => schemars::schema_for!(crate::batch::station::Station),
+        Kind::Population => schemars::schema_for!(crate::batch::population::Population),
         Kind::Driver => schemars::schema_for!(crate::rig::profile::ProfileFile),
     };
     let text = serde_json::to_string_pretty(&schema).map_err(|e| CliError { code: exit::INTERNAL, message: e.to_string() })?;

@@ -85,7 +85,7 @@ fn individuals(summary: &BatchSummary, k: usize, m: &MetricStatistics) -> Markup
             figure = figure
                 .horizontal("centre", Color::Neutral, c.centre)
                 .horizontal("upper control limit", Color::Error, c.upper)
-                .horizontal("lower limit", Color::Error, c.lower);
+                .horizontal("lower control limit", Color::Error, c.lower);
             let said: Vec<String> = c.signals.iter().map(|s| format!("{} ({} times)", s.rule.text(), s.count)).collect();
             let said = if said.is_empty() { "No run rule speaks.".into() } else { format!("Run rules that speak: {}.", said.join("; ")) };
             figure = figure.caption(said);

@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::{figures, limited, overridden, share, simulation_mark, tables};
+use super::{figures, limited, overridden, simulation_mark, tables};
 use crate::batch::summary::BatchSummary;
 use crate::report::badge;
 use crate::report::format;
@@ -109,13 +109,21 @@ fn tiles(summary: &BatchSummary) -> Markup {
     let other = summary.valves.len() - passed - marginal - failed;
     html! {
         .tiles {
-            .tile { .name { "first-pass yield" } .value { (percent(&summary.first_pass)) } .note { (share(&summary.first_pass)) } }
-            .tile { .name { "final yield" } .value { (percent(&summary.final_yield)) } .note { (share(&summary.final_yield)) } }
+            .tile { .name { "first-pass yield" } .value { (percent(&summary.first_pass)) } .note { (interval(&summary.first_pass)) } }
+            .tile { .name { "final yield" } .value { (percent(&summary.final_yield)) } .note { (interval(&summary.final_yield)) } }
             .tile { .name { "passed" } .value { (passed) } .note { "of " (summary.valves.len()) " valves" } }
             .tile { .name { "marginal" } .value { (marginal) } .note { "passed inside the warning band" } }
             .tile { .name { "failed" } .value { (failed) } .note { "outside a limit" } }
             .tile { .name { "no verdict" } .value { (other) } .note { "INVALID, ERROR, ABORTED" } }
         }
+    }
+}
+
+/// Passed of judged, with the interval of the share.
+fn interval(finding: &crate::batch::statistics::Finding<crate::batch::statistics::Proportion>) -> String {
+    match &finding.value {
+        Some(p) => format!("{} of {}: {:.1} to {:.1} %", p.passed, p.count, 100.0 * p.wilson.low, 100.0 * p.wilson.high),
+        None => super::absent(finding),
     }
 }
 
