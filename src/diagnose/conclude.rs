@@ -154,7 +154,7 @@ impl<'a> Findings<'_, 'a> {
     fn accuracy_bar(&self) -> f64 {
         let identified = self.base.valve.identification.as_ref().and_then(|i| i.rmse).map_or(0.0, crate::units::Pressure::value);
         // A poor fit at the identification is a reason for a diagnosis, not an excuse.
-        self.fitter.evidence.noise_bar.max(identified.min(3.0 * self.fitter.evidence.noise_bar))
+        self.fitter.evidence.noise_bar.max(identified.min(1.5 * self.fitter.evidence.noise_bar))
     }
 
     /// The effects of the course with their importance.

@@ -6,6 +6,9 @@ use super::evidence::Evidence;
 use super::loss;
 use super::model::{BASE, Free, Model, Simulator, UNSEEN_LAG_S};
 
+/// A recording of some hundred samples, for instance of a few steps, still counts as this many.
+const FEWEST_EFFECTIVE: f64 = 300.0;
+
 /// A fitted model.
 #[derive(Clone)]
 pub struct Fit<'a> {
@@ -55,7 +58,7 @@ impl<'e> Fitter<'e> {
 
     /// Effective number of samples.
     pub fn effective(&self) -> f64 {
-        (self.used() as f64 / self.tau_samples).max(10.0)
+        (self.used() as f64 / self.tau_samples).max(FEWEST_EFFECTIVE.min(self.used() as f64))
     }
 
     /// The loss of a parameter vector.
@@ -223,7 +226,7 @@ impl<'e> Fitter<'e> {
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[BASE - 1] += 0.5 * UNSEEN_LAG_S;
         let mut tried: Vec<Fit<'a>> = Vec::new();
-        for values in starts(effect.parameters()).iter().chain(hints) {
+        for values in model.starts(effect).iter().chain(hints) {
             for base in [&incumbent.theta, &calibrated] {
                 let theta = [base.as_slice(), values.as_slice()].concat();
                 tried.push(self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual));
@@ -298,13 +301,6 @@ impl<'e> Fitter<'e> {
         let fits = starts.iter().map(|s| self.polish_in(&mut simulator, model, s, 10, 0));
         fits.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| self.polish(model, &start, 10))
     }
-}
-
-/// All combinations of the starts of the parameters.
-fn starts(parameters: &[crate::physics::Parameter]) -> Vec<Vec<f64>> {
-    parameters.iter().fold(vec![Vec::new()], |all, p| {
-        all.iter().flat_map(|begin| p.starts.iter().map(move |s| [begin.as_slice(), &[*s]].concat())).collect()
-    })
 }
 
 /// Sum of products in four lanes, which the compiler makes vector instructions of.

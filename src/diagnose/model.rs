@@ -1,7 +1,7 @@
 //! A candidate model: the base valve with its parameters free within what the calibration allows, and effects.
 
 use super::evidence::Evidence;
-use crate::physics::{Effect, Pipeline, Stage, resolve, specification};
+use crate::physics::{Effect, Parameter, Pipeline, Stage, resolve, specification};
 use crate::valve::{Hysteresis, Polynomial, ReferenceCurves, Valve};
 
 /// One parameter of the vector that a fit moves.
@@ -62,6 +62,9 @@ pub const BASE: usize = 6;
 /// Largest lag that the slow sweep of an identification cannot see: coil, spool and hold of the command [s].
 pub const UNSEEN_LAG_S: f64 = 0.015;
 
+/// The lag that coil, spool and hold usually have, and its spread [s].
+const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
+
 /// How far a good calibration may be off: gain, offset [bar], loop width [bar], ln a, delay and lag together [s].
 /// A slow sweep shows the sum of delay and lag well, and how it is split hardly.
 const CALIBRATION: [f64; 5] = [0.003, 0.03, 0.08, 0.7, 0.0035];
@@ -103,7 +106,7 @@ impl<'a> Model<'a> {
 
     /// Whether this lag [s] is what the model has, or too small to be seen.
     pub fn confirms_lag(&self, lag_s: f64) -> bool {
-        self.valve.lag_s <= UNSEEN_LAG_S || (lag_s / self.valve.lag_s - 1.0).abs() < 0.3
+        self.valve.lag_s <= UNSEEN_LAG_S || (0.6..1.6).contains(&(lag_s / self.valve.lag_s))
     }
 
     /// This model with one effect more.
@@ -132,28 +135,70 @@ impl<'a> Model<'a> {
             Hysteresis::Hyperbolic { a_bar2 } => a_bar2.max(1e-6).ln(),
             Hysteresis::None => 0.0,
         };
-        vec![0.0, 0.0, 0.0, ln_a, self.valve.delay_s + self.valve.lag_s, self.valve.lag_s.min(self.lag_limit_s)]
+        let lag_s = self.valve.lag_s.min(self.lag_limit_s);
+        vec![0.0, 0.0, 0.0, ln_a, self.valve.delay_s + lag_s, lag_s]
     }
 
     /// The free parameters, in the order of the vector.
     pub fn free(&self) -> Vec<Free> {
         let start = self.calibrated();
+        let (bottom, top) = self.valve.curves.pressure_range_bar();
+        // Offset and loop width in parts of the pressure that the curves span.
+        let part = if (0.2..5.0).contains(&((top - bottom) / 30.0)) { 1.0 } else { (top - bottom).abs() / 30.0 };
+        let unit = [1.0, part, part, 1.0, 1.0];
         let linear = |k: usize, half: f64, step: f64| Free {
-            range: (start[k] - half, start[k] + half),
+            range: (start[k] - half * unit[k], start[k] + half * unit[k]),
             log: false,
             step,
-            prior: Some(Prior { mean: start[k], sigma: CALIBRATION[k], heavy: HEAVY[k] }),
+            prior: Some(Prior {
+                mean: start[k],
+                sigma: CALIBRATION[k] * unit[k],
+                heavy: if k == 4 && self.valve.lag_s > self.lag_limit_s { Heavy::Both } else { HEAVY[k] },
+            }),
         };
         let delay = Free { range: (0.0, start[4] + 0.15), ..linear(4, 0.0, 3e-4) };
-        let lag = Free { range: (0.0, self.lag_limit_s), log: false, step: 3e-4, prior: None };
+        let usual = Prior { mean: USUAL_LAG_S.0, sigma: USUAL_LAG_S.1, heavy: Heavy::Below };
+        let lag = Free {
+            range: (0.0, self.lag_limit_s),
+            log: false,
+            step: 3e-4,
+            prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
+        };
         let mut free = vec![linear(0, 0.3, 1e-4), linear(1, 3.0, 2e-3), linear(2, 3.0, 2e-3), linear(3, 5.0, 0.02), delay, lag];
         for effect in &self.effects {
             free.extend(effect.parameters().iter().map(|p| {
                 let log = p.range.0 > 0.0 && p.range.1 / p.range.0 > 20.0;
-                Free { range: p.range, log, step: if log { 4e-3 } else { 2e-4 * (p.range.1 - p.range.0).min(20.0) }, prior: None }
+                let size = self.size(p);
+                // A fit looks for effects of the size of this valve's own signals.
+                let range = if size == 1.0 { p.range } else { (p.range.0 * size, p.range.1 * size) };
+                let step = if log { 4e-3 } else { 2e-4 * (p.range.1 - p.range.0).min(20.0) * size };
+                Free { range, log, step, prior: None }
             }));
         }
         free
+    }
+
+    /// How much larger the signals of this valve are than those of a clutch valve of 1 A and 30 bar, in the unit of a
+    /// parameter; 1 for a valve of that order, and for what has no such unit. An input may be a duty, an output a flow.
+    fn size(&self, parameter: &Parameter) -> f64 {
+        let of_order_one = |ratio: f64| if (0.2..5.0).contains(&ratio) { 1.0 } else { ratio };
+        let (low, high) = self.valve.curves.range_a;
+        let (bottom, top) = self.valve.curves.pressure_range_bar();
+        let (current, pressure) = (of_order_one((high - low).abs()), of_order_one((top - bottom).abs() / 30.0));
+        match parameter.unit.symbol {
+            "A" | "A/s" => current,
+            "bar" | "bar/s" => pressure,
+            "bar/A" => pressure / current,
+            _ => 1.0,
+        }
+    }
+
+    /// All combinations of the starts of an effect's parameters, in the size of this valve's signals.
+    pub fn starts(&self, effect: &dyn Effect) -> Vec<Vec<f64>> {
+        effect.parameters().iter().fold(vec![Vec::new()], |all, p| {
+            let size = self.size(p);
+            all.iter().flat_map(|begin| p.starts.iter().map(move |s| [begin.as_slice(), &[s * size]].concat())).collect()
+        })
     }
 
     /// Number of parameters that the effects bring.

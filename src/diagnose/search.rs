@@ -150,7 +150,8 @@ fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], sc
 fn correlation(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     let mut residual = Vec::new();
     Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
-    loss::correlation_samples(&residual, fit.scale_bar).clamp(TAU_SAMPLES.0, TAU_SAMPLES.1)
+    let most = (fitter.used() as f64 / 300.0).clamp(1.0, TAU_SAMPLES.1);
+    loss::correlation_samples(&residual, fit.scale_bar).clamp(TAU_SAMPLES.0.min(most), most)
 }
 
 /// Whether `next` is so much better than `incumbent` that it counts: very strong evidence, and more than a trifle.

@@ -60,7 +60,8 @@ impl Effect for DelayJitter {
                 shifts.push((k, -error / slope));
             }
         }
-        if shifts.len() < FEWEST {
+        let events = 1 + shifts.windows(2).filter(|w| w[1].0 > w[0].0 + 20).count();
+        if shifts.len() < FEWEST || events < FEWEST_EVENTS {
             return None;
         }
         let median = |mut v: Vec<f64>| {
@@ -89,7 +90,8 @@ impl Effect for DelayJitter {
         let alike = at(3) / variance;
         let own = median(shifts.iter().map(|(k, _)| of.noise_bar / slopes[*k].abs()).collect());
         let spread_s = (spread_s * spread_s - own * own).max(0.0).sqrt();
-        if spread_s < SMALLEST_S || alike.is_nan() || alike >= 0.35 {
+        let next = at(1) / variance;
+        if spread_s < SMALLEST_S || alike.is_nan() || alike >= 0.35 || next >= 0.75 {
             return None;
         }
         let spread_bar: Vec<f64> = slopes.iter().map(|s| spread_s * s.abs()).collect();
@@ -151,5 +153,7 @@ impl Block for Jitter {
 const STEEP: f64 = 2.5;
 /// Fewest steep samples.
 const FEWEST: usize = 40;
+/// Fewest separate movements that they must come from.
+const FEWEST_EVENTS: usize = 20;
 /// Smallest spread that is claimed [s]: below it lies the accuracy of any model of the dynamics.
 const SMALLEST_S: f64 = 0.003;

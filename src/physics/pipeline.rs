@@ -9,6 +9,9 @@ use crate::valve::{EffectSpec, Hysteresis, ReferenceCurves, Valve, hyperbola_str
 /// Time steps that differ by more than this share of their median are resampled.
 const UNEVEN: f64 = 0.02;
 
+/// How much larger or smaller than a clutch valve's a foreign signal may be.
+const FOREIGN: f64 = 1e4;
+
 /// The effect and the parameter values that a specification in a valve file stands for.
 pub fn resolve(spec: &EffectSpec) -> Result<(&'static dyn Effect, Vec<f64>), PhysicsError> {
     let effect = super::effect(&spec.id).ok_or_else(|| PhysicsError::UnknownEffect {
@@ -31,7 +34,9 @@ pub fn resolve(spec: &EffectSpec) -> Result<(&'static dyn Effect, Vec<f64>), Phy
             name: p.name.into(),
             source: Box::new(source),
         })?;
-        let (low, high) = p.range;
+        // A valve with a foreign input or output (a duty, a flow) has effects of that size.
+        let size = if matches!(p.unit.symbol, "A" | "A/s" | "bar" | "bar/s" | "bar/A") { FOREIGN } else { 1.0 };
+        let (low, high) = if p.range.0 < 0.0 { (p.range.0 * size, p.range.1 * size) } else { (p.range.0 / size, p.range.1 * size) };
         let slack = 1e-9 * (high - low);
         if !(low - slack..=high + slack).contains(&value) {
             let with_unit = |v: f64| format!("{v} {}", p.unit.symbol);

@@ -2,7 +2,7 @@
 //!
 //! What it is: the reading comes in coarse steps.
 //!
-//! Model: y = step * round(P / step).
+//! Model: y = step * round(P / step); without a seed the mean course, which the noise of the sensor makes smooth.
 //!
 //! Signature: only multiples of one step occur, and the difference of neighbouring readings is a comb; against a
 //! fine reading the error is uniform within +/- half a step.
@@ -12,6 +12,7 @@
 //! Source: Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 1.
 
 use super::effect::{Block, Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::transport_delay::Through;
 use crate::units::PRESSURE;
 
 /// The effect `sensor_quantization`.
@@ -76,8 +77,12 @@ impl Effect for SensorQuantization {
             evidence: format!("{n} readings take {} values only, all multiples of {step:.4} bar", values.len()),
         })
     }
-    fn block(&self, theta: Theta<'_>, _: &Context) -> Box<dyn Block> {
-        Box::new(Steps { step: theta[0] })
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+        // The mean of a reading with noise is not rounded.
+        match context.seed {
+            None => Box::new(Through),
+            Some(_) => Box::new(Steps { step: theta[0] }),
+        }
     }
 }
 
