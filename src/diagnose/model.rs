@@ -106,7 +106,7 @@ impl<'a> Model<'a> {
 
     /// Whether this lag [s] is what the model has, or too small to be seen.
     pub fn confirms_lag(&self, lag_s: f64) -> bool {
-        self.valve.lag_s <= UNSEEN_LAG_S || (0.6..1.6).contains(&(lag_s / self.valve.lag_s))
+        self.valve.lag_s <= UNSEEN_LAG_S || (0.7..1.3).contains(&(lag_s / self.valve.lag_s))
     }
 
     /// This model with one effect more.

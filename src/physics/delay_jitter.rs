@@ -90,8 +90,7 @@ impl Effect for DelayJitter {
         let alike = at(3) / variance;
         let own = median(shifts.iter().map(|(k, _)| of.noise_bar / slopes[*k].abs()).collect());
         let spread_s = (spread_s * spread_s - own * own).max(0.0).sqrt();
-        let next = at(1) / variance;
-        if spread_s < SMALLEST_S || alike.is_nan() || alike >= 0.35 || next >= 0.75 {
+        if spread_s < SMALLEST_S || alike.is_nan() || alike >= 0.35 {
             return None;
         }
         let spread_bar: Vec<f64> = slopes.iter().map(|s| spread_s * s.abs()).collect();
