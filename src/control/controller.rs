@@ -24,7 +24,8 @@ pub enum Mode {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reference {
-    /// The target delayed by the valve's dead time: the PI does not fight what the feed-forward has already sent.
+    /// The target as the valve model would follow it, after its dead time and its lag: the PI does not fight what the
+    /// feed-forward has already sent.
     #[default]
     Delayed,
     /// The present target.
@@ -69,9 +70,13 @@ pub struct Controller {
     pi: Pi,
     limits_a: (f64, f64),
     delay_s: f64,
+    /// Share of a step that the model's lag lets through in one period.
+    lag_share: f64,
     last_a: f64,
     /// Past targets, the newest first; as many as the dead time needs.
     targets: VecDeque<f64>,
+    /// The delayed target behind the lag.
+    expected_bar: Option<f64>,
 }
 
 impl Controller {
@@ -83,8 +88,10 @@ impl Controller {
             pi: Pi::default(),
             limits_a: valve.current_limits_a,
             delay_s: valve.delay_s,
+            lag_share: if valve.lag_s > 0.0 { 1.0 - (-settings.period_s / valve.lag_s).exp() } else { 1.0 },
             last_a: current_a,
             targets: VecDeque::new(),
+            expected_bar: None,
         }
     }
 
@@ -93,6 +100,7 @@ impl Controller {
         self.last_a = current_a;
         self.pi.reset();
         self.targets.clear();
+        self.expected_bar = None;
     }
 
     /// Follows a current that somebody else commands, in open loop, so that the model's memory stays true.
@@ -147,7 +155,9 @@ impl Controller {
         self.targets.truncate(wanted);
         let at = |i: usize| self.targets.get(i).or(self.targets.back()).copied().unwrap_or(target_bar);
         let (whole, part) = (delay.floor() as usize, delay.fract());
-        at(whole) * (1.0 - part) + at(whole + 1) * part
+        let delayed = at(whole) * (1.0 - part) + at(whole + 1) * part;
+        let before = self.expected_bar.unwrap_or(delayed);
+        *self.expected_bar.insert(before + self.lag_share * (delayed - before))
     }
 }
 
@@ -220,6 +230,20 @@ pub(crate) mod tests {
         let feedback: Vec<f64> = (0..3).map(|_| controller.step(12.0, Some(10.0)).feedback_a).collect();
         assert!(feedback[0].abs() < 1e-12 && feedback[1].abs() < 1e-12, "{feedback:?}");
         assert!((feedback[2] - (2e-3 + 1e-4)).abs() < 1e-12, "{feedback:?}");
+    }
+
+    #[test]
+    fn what_the_model_expects_is_no_error() {
+        // A valve that follows with dead time and lag exactly as the model says leaves the feedback at rest.
+        let valve = Valve { lag_s: 0.03, ..valve() };
+        let mut controller = Controller::new(settings(), &valve, 0.5);
+        let (mut pressure, mut line) = (10.0, VecDeque::from([10.0; 2]));
+        for k in 0..200 {
+            let target = if k < 20 { 10.0 } else { 14.0 };
+            line.push_front(target);
+            pressure += (1.0 - (-0.01f64 / 0.03).exp()) * (line.pop_back().unwrap_or(10.0) - pressure);
+            assert!(controller.step(target, Some(pressure)).feedback_a.abs() < 1e-12, "{k}");
+        }
     }
 
     #[test]

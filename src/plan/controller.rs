@@ -27,7 +27,8 @@ pub struct ControllerFile {
     /// Largest rate of the current; none by default.
     #[schemars(with = "Option<CurrentRate>")]
     pub slew: Option<Spanned<CurrentRate>>,
-    /// What the feedback compares with: the target `delayed` by the dead time (default), or the `direct` one.
+    /// What the feedback compares with: the target `delayed` by the model's dead time and lag (default), or the
+    /// `direct` one.
     pub reference: Option<Reference>,
 }
 
