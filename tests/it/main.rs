@@ -11,4 +11,7 @@ mod run;
 mod shipped;
 mod simulate;
 mod wire;
+mod wire_ends;
 mod wire_peers;
+mod wire_soak;
+mod wire_variants;

@@ -53,7 +53,7 @@ fn round_trip(name: &str) {
             good += 1;
             if k > 30 {
                 assert!((sample.pressure_bar - 20.0).abs() < 0.1, "{sample:?}");
-                assert_eq!(sample.current_a, Some(0.5));
+                assert!((sample.current_a.unwrap() - 0.5).abs() < 1e-6);
             }
         }
     }
@@ -81,7 +81,8 @@ pub fn run_and_compare(rig: &mut WireRig, emulator: &Emulator, profile: &Profile
     let pressure = profile.signal(hil::rig::profile::SignalName::Pressure).unwrap().1.clone();
     let mut good = 0;
     for k in 1..=cycles {
-        let command_a = 0.3 + 0.2 * f64::from(k % 7) / 7.0;
+        // Equal commands in a row too: then only the sequence of the requests tells a reply from the one before.
+        let command_a = 0.3 + 0.2 * f64::from(k % 28 / 4) / 7.0;
         match rig.step(command_a, f64::from(k) * period_s) {
             Ok(sample) if sample.quality == Quality::Good => {
                 good += 1;
@@ -99,15 +100,21 @@ fn fault(name: &str, kind: Kind, by_s: f64) {
     faulty(&driver(name), kind, Faults::once(kind, 10, by_s), 0.01);
 }
 
-fn faulty(profile: &Profile, kind: Kind, faults: Faults, period_s: f64) {
+pub fn faulty(profile: &Profile, kind: Kind, faults: Faults, period_s: f64) {
     let emulator = Emulator::start(Arc::new(profile.clone()), Load::RequestNumber, &listen(profile), faults, false).unwrap();
     let mut rig = rig(profile, &emulator, period_s);
     let (good, error) = run_and_compare(&mut rig, &emulator, profile, 40, period_s);
     assert!(error.is_none(), "{kind:?}: {error:?}");
     let (losses, _) = rig.losses();
     let lost = losses.lost + losses.stale + losses.exceptions + losses.implausible;
-    // Garbage before a reply and a late duplicate need not cost a sample; everything else must.
-    let harmless = matches!(kind, Kind::Garbage | Kind::Duplicate);
+    // Bytes before a reply and a late duplicate need not cost a sample; everything else must.
+    let line = profile.transport.kind == hil::rig::profile::TransportKind::Line;
+    let harmless = match kind {
+        Kind::Garbage | Kind::Duplicate | Kind::LocalEcho => true,
+        // Text has neither units nor registers, and a late line in the same slot is a reply in time.
+        Kind::ExtraRegister | Kind::MissingRegister => line,
+        _ => false,
+    };
     assert!(harmless || lost >= 1, "{kind:?}: no sample was lost");
     assert!(good >= 25, "{kind:?}: {good} good of 40, {losses:?}");
     let state = rig.make_safe().unwrap();

@@ -14,7 +14,7 @@ use hil::rig::emulator::{Emulator, Faults, Listening};
 use hil::rig::profile::Profile;
 use hil::rig::{Endpoint, Options, Quality, Rig, RigError, open};
 
-use super::wire::{driver, listen, simple_valve};
+use super::wire::{listen, simple_valve};
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -77,8 +77,19 @@ fn free_port() -> u16 {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
-fn emulator(name: &str) -> (Emulator, &'static str, String) {
-    let profile = driver(name);
+/// The map of the serial emulator, here also on TCP: the peers' servers play the same one.
+fn map_of_the_emulator(tcp: bool) -> Profile {
+    let text = std::fs::read_to_string(root().join("drivers/emulator.toml")).unwrap();
+    if !tcp {
+        return Profile::from_toml(&text, "emulator.toml").unwrap();
+    }
+    let serial = |line: &&str| !["baud", "parity", "stop_bits", "low_latency"].iter().any(|k| line.starts_with(k));
+    let text: Vec<&str> = text.lines().filter(serial).collect();
+    Profile::from_toml(&text.join("\n").replace("kind = \"rtu\"", "kind = \"tcp\""), "emulator-over-tcp.toml").unwrap()
+}
+
+fn emulator(tcp: bool) -> (Emulator, &'static str, String) {
+    let profile = map_of_the_emulator(tcp);
     let emulator = Emulator::start(Arc::new(profile.clone()), simple_valve(), &listen(&profile), Faults::none(), true).unwrap();
     match emulator.listening().clone() {
         Listening::Serial(path) => (emulator, "rtu", path.display().to_string()),
@@ -91,8 +102,8 @@ fn mbpoll_reads_and_writes_the_emulator() {
     if !wanted() {
         return;
     }
-    for name in ["emulator", "emulator-tcp"] {
-        let (emulator, kind, place) = emulator(name);
+    for tcp in [false, true] {
+        let (emulator, kind, place) = emulator(tcp);
         let mut command = Command::new("mbpoll");
         command.args(["-q", "-a", "1", "-0", "-1", "-o", "2"]);
         match kind {
@@ -105,7 +116,7 @@ fn mbpoll_reads_and_writes_the_emulator() {
             }
         }
         let text = output(&mut command);
-        assert!(text.contains("18518"), "{name}: {text}");
+        assert!(text.contains("18518"), "{kind}: {text}");
         assert!(emulator.report().requests >= 1);
     }
 }
@@ -115,11 +126,11 @@ fn a_pymodbus_client_drives_the_emulator() {
     if !wanted() {
         return;
     }
-    for name in ["emulator", "emulator-tcp"] {
-        let (emulator, kind, place) = emulator(name);
+    for tcp in [false, true] {
+        let (emulator, kind, place) = emulator(tcp);
         assert!(output(script("modbus_client.py").args([kind, &place])).contains("ok"));
         let report = emulator.report();
-        assert_eq!((report.largest_coil_a, report.coil_a), (0.25, 0.0), "{name}: {report:?}");
+        assert_eq!((report.largest_coil_a, report.coil_a), (0.25, 0.0), "{kind}: {report:?}");
     }
 }
 
@@ -221,8 +232,7 @@ fn servers(command: &dyn Fn(&str, &str) -> Command) {
             let _server = start(&mut command(if tcp { "tcp" } else { "rtu" }, &place));
             let endpoint = if tcp { Endpoint::Tcp(place.clone()) } else { Endpoint::Serial(ours.into()) };
             let profile = match (fc23, tcp) {
-                (true, true) => driver("emulator-tcp"),
-                (true, false) => driver("emulator"),
+                (true, tcp) => map_of_the_emulator(tcp),
                 (false, tcp) => simple_functions(tcp),
             };
             drive(&profile, &endpoint, !fc23);

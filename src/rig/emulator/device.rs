@@ -293,13 +293,15 @@ impl Device {
             let (low, high) = signal.valid_raw.unwrap_or((0.0, 1000.0));
             let mut raw = signal.to_raw(value).unwrap_or(if value > 0.0 { high } else { low });
             if signal.name == SignalName::Pressure {
+                let float = signal.kind == crate::rig::profile::RawType::F32;
                 if matches!(self.load, Load::RequestNumber) && !self.defects.frozen {
-                    raw = low.max(0.0) + (self.report.requests % 997) as f64;
+                    let tag = (self.report.requests % 997) as f64;
+                    raw = if float { f64::from((tag * 0.05) as f32) } else { low.max(0.0) + tag };
                 } else if matches!(self.load, Load::RequestNumber) {
                     raw = self.report.served_pressure_raw.unwrap_or(low);
                 }
                 if self.defects.sensor_break {
-                    raw = if signal.kind == crate::rig::profile::RawType::F32 { f64::NAN } else { (low - 500.0).max(0.0) };
+                    raw = if float { f64::NAN } else { (low - 500.0).max(0.0) };
                 }
                 self.report.served_pressure_raw = Some(raw);
             }

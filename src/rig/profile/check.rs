@@ -59,6 +59,16 @@ pub(super) fn check(file: ProfileFile, text: &str, source_name: &str) -> Result<
     let limit = check_limit(&c, &file, &signals)?;
     let watchdog = check_watchdog(&c, &file, role)?;
     let safe_state = check_safe_state(&c, &file, &signals, &cycle, role)?;
+    let deviation = match (file.interlock.current_deviation, file.interlock.current_deviation_for) {
+        (None, None) => None,
+        (Some(by), Some(time)) if by.value() > 0.0 && time.value() > 0.0 && file.signal.current.is_some() => {
+            Some((by.value(), time.value()))
+        }
+        _ => {
+            let message = "needs `current_deviation_for` beside it, both above zero, and a measured `current`";
+            return Err(c.error("interlock.current_deviation", message));
+        }
+    };
     for (key, list) in [("start.identity", &file.start.identity), ("start.init", &file.start.init)] {
         check_registers(&c, &file.transport, key, list, key == "start.init")?;
     }
@@ -76,6 +86,7 @@ pub(super) fn check(file: ProfileFile, text: &str, source_name: &str) -> Result<
             pressure_max_bar: file.interlock.pressure_max.map(|q| q.value()),
             pressure_rate_max_bar_per_s: file.interlock.pressure_rate_max.map(|q| q.value()),
             current_max_a: file.interlock.current_max.map(|q| q.value()),
+            current_deviation: deviation,
             lost_max: file.interlock.lost_max.unwrap_or(3).max(1),
         },
         safe_state,
@@ -237,7 +248,8 @@ fn check_signal(c: &Context, name: SignalName, s: &SignalFile, transport: &Trans
         table: place.0,
         address: place.1,
         unit_id: s.unit.unwrap_or(transport.unit),
-        kind: s.kind,
+        // Text has no registers whose size would round a quantity.
+        kind: if line && name.unit().is_some() { RawType::F32 } else { s.kind },
         order: s.word_order,
         scale,
         offset,

@@ -414,6 +414,12 @@ pub struct InterlockFile {
     /// Largest measured current.
     #[serde(default)]
     pub current_max: Option<Current>,
+    /// Largest difference of measured and commanded current: a broken wire, or a coil that takes no current.
+    #[serde(default)]
+    pub current_deviation: Option<Current>,
+    /// For how long the current may differ by more.
+    #[serde(default)]
+    pub current_deviation_for: Option<Time>,
     /// Lost samples in a row, default 3.
     #[serde(default)]
     pub lost_max: Option<u32>,

@@ -222,6 +222,8 @@ pub struct Interlock {
     pub pressure_rate_max_bar_per_s: Option<f64>,
     /// Largest measured current [A].
     pub current_max_a: Option<f64>,
+    /// Difference of measured and commanded current [A], and for how long it may last [s].
+    pub current_deviation: Option<(f64, f64)>,
     /// Lost samples in a row.
     pub lost_max: u32,
 }

@@ -95,7 +95,7 @@ fn what_does_not_fit_together_is_refused_with_line_and_key() {
     insta::assert_snapshot!(message("ready = false, ", "redy = false, "), @"p.toml:36: `signal.status.fault_when`: no bit `redy`; known: open, ready, short, watchdog");
     insta::assert_snapshot!(message("time = \"200 ms\"", "time = \"2 s\""), @"p.toml:65: `watchdog.time`: a watchdog must act within 500 ms, and its time must be known");
     insta::assert_snapshot!(message("sources = [\"docs/emulator.md\"]", "sources = []"), @"p.toml:8: `device.sources`: name the public text that the map was read from; a map without a source is not used");
-    insta::assert_snapshot!(message("confirm = \"current\"", "confirm = \"supply\""), @"p.toml:77: `safe_state.confirm`: `supply` cannot confirm it; allowed: current where the device measures it, otherwise pressure");
+    insta::assert_snapshot!(message("confirm = \"current\"", "confirm = \"supply\""), @"p.toml:79: `safe_state.confirm`: `supply` cannot confirm it; allowed: current where the device measures it, otherwise pressure");
     insta::assert_snapshot!(message("raw = [4000, 20000]", "raw = [4000, 4000]"), @"p.toml:48: `signal.pressure.scale`: one count must be worth something: the two points are the same, or the scale is 0");
     insta::assert_snapshot!(message("[\"setpoint\", \"token\", \"status\"", "[\"status\""), @"p.toml:61: `cycle.transaction.freshness`: transaction 1: no `setpoint` or `token` that this slot writes is read back here");
     insta::assert_snapshot!(message("hil.driver/1", "hil.driver/2"), @r#"p.toml:3: `schema`: `hil.driver/2` is not a driver profile of this version; write "hil.driver/1""#);

@@ -166,6 +166,12 @@ impl Device {
             self.last_loss = Some(why);
             return Quality::Stale;
         }
+        if let (Some((_, signal)), Some(raw)) = (self.profile.signal(SignalName::Status), values.get(SignalName::Status))
+            && let Some(fault) = signal.fault(raw as u16)
+        {
+            self.last_loss = Some(format!("status bit `{}` is {}", fault.name, u8::from(fault.fault_when)));
+            return Quality::Implausible;
+        }
         let echoed = values.get(SignalName::Setpoint).is_none_or(|raw| raw == out.setpoint)
             && values.get(SignalName::Control).is_none_or(|raw| raw == f64::from(out.control));
         if !echoed {
@@ -175,12 +181,6 @@ impl Device {
         }
         for signal in &self.profile.signals {
             let Some(raw) = values.get(signal.name) else { continue };
-            if signal.name == SignalName::Status
-                && let Some(fault) = signal.fault(raw as u16)
-            {
-                self.last_loss = Some(format!("status bit `{}` is {}", fault.name, u8::from(fault.fault_when)));
-                return Quality::Implausible;
-            }
             if !signal.plausible(raw) {
                 self.last_loss = Some(format!("raw {} = {raw} is outside what the sensor delivers", signal.name));
                 return Quality::Implausible;

@@ -57,7 +57,10 @@ pub struct WireRig {
     origin_s: Option<f64>,
     last: Sample,
     last_command_a: f64,
+    /// Smallest and largest of the present and the last command: a reply may show either [A].
+    commands_a: (f64, f64),
     last_good: Option<(f64, f64)>,
+    deviates_since_s: Option<f64>,
     lost_in_a_row: u32,
     safe: bool,
 }
@@ -138,7 +141,9 @@ pub fn open(profile: &Profile, endpoint: &Endpoint, period_s: f64, options: Opti
         origin_s: None,
         last: nothing,
         last_command_a: 0.0,
+        commands_a: (0.0, 0.0),
         last_good: None,
+        deviates_since_s: None,
         lost_in_a_row: 0,
         // Nothing is written to a device that has not shown what it is, not even zero.
         safe: true,
@@ -229,6 +234,7 @@ impl WireRig {
         };
         over("pressure", sample.pressure_bar, limits.pressure_max_bar, "bar")?;
         over("measured current", sample.current_a.unwrap_or(0.0), limits.current_max_a, "A")?;
+        self.current_follows(sample)?;
         if let Some((time_s, pressure_bar)) = self.last_good.replace((sample.time_s, sample.pressure_bar))
             && sample.time_s > time_s
         {
@@ -236,6 +242,26 @@ impl WireRig {
             over("rate of pressure", rate, limits.pressure_rate_max_bar_per_s, "bar/s")?;
         }
         Ok(())
+    }
+
+    /// A coil that does not take the commanded current for some time is a broken wire or a dead driver.
+    fn current_follows(&mut self, sample: &Sample) -> Result<(), RigError> {
+        let (Some((by_a, for_s)), Some(measured_a)) = (self.driver.profile.interlock.current_deviation, sample.current_a) else {
+            return Ok(());
+        };
+        let (low_a, high_a) = self.commands_a;
+        if measured_a >= low_a - by_a && measured_a <= high_a + by_a {
+            self.deviates_since_s = None;
+            return Ok(());
+        }
+        let since_s = *self.deviates_since_s.get_or_insert(sample.time_s);
+        if sample.time_s - since_s < for_s {
+            return Ok(());
+        }
+        let what = format!(
+            "measured current {measured_a:.4} A does not follow the commanded {high_a:.4} A since {since_s:.3} s: a broken wire, or a driver that is not enabled"
+        );
+        Err(RigError::Interlock { what })
     }
 
     fn check_slew(&self, command_a: f64) -> Result<(), RigError> {
@@ -278,6 +304,7 @@ impl Rig for WireRig {
         }
         self.safe = false;
         let sample = self.exchange(command_a, time_s, within_s)?;
+        self.commands_a = (command_a.min(self.last_command_a), command_a.max(self.last_command_a));
         self.last_command_a = command_a;
         let sample = Sample { lateness_s, missed_slots, ..sample };
         self.last = sample;

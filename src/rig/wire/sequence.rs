@@ -48,18 +48,21 @@ impl Sequence {
             return Err(refused);
         }
         let nearest = signal.to_raw(current_a).ok_or(refused)?;
-        let step = if signal.kind == crate::rig::profile::RawType::F32 { 1e-5 / signal.scale.abs() } else { 1.0 };
+        let float = signal.kind == crate::rig::profile::RawType::F32;
+        let step = if float { 1e-5 / signal.scale.abs() } else { 1.0 };
+        // A float nearest to the limit may lie a hair beyond it; its neighbour does not.
+        let neighbours =
+            if float { [f64::from((nearest as f32).next_down()), f64::from((nearest as f32).next_up())] } else { [nearest; 2] };
         let within = |raw: f64| {
             let value = signal.from_raw(raw);
             // Rounding may carry the nearest count a hair outside; never more than the limit leaves.
             value >= limit.min_a - 1e-12 && value <= limit.max_a + 1e-12 && signal.to_raw(value).is_some()
         };
         let fresh = |raw: f64| !alternate || !self.recent.contains(&raw);
-        let raw = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0]
-            .into_iter()
-            .map(|n| nearest + n * step)
-            .find(|raw| within(*raw) && fresh(*raw))
-            .ok_or(refused)?;
+        let around = [1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0, -4.0].map(|n| nearest + n * step);
+        let rounded = move |raw: f64| if float { f64::from(raw as f32) } else { raw };
+        let raw =
+            std::iter::once(nearest).chain(neighbours).chain(around).map(rounded).find(|raw| within(*raw) && fresh(*raw)).ok_or(refused)?;
         self.recent.rotate_right(1);
         self.recent[0] = raw;
         Ok(raw)
