@@ -178,6 +178,16 @@ fn a_pressure_above_the_interlock_ends_the_run() {
 }
 
 #[test]
+fn a_current_that_does_not_follow_ends_the_run() {
+    // The line reports no set-point back, so only the measured current shows that the device clamps.
+    let script = "schema = \"hil.faults/1\"\n[[fault]]\nkind = \"clamped\"\ncycle = 5\ncount = 0\nat = \"100 mA\"\n";
+    let emulator = start_emulator("emulator-line", Faults::from_toml(script, "clamped").unwrap());
+    let mut rig = rig(&driver("emulator-line"), &emulator, 0.02);
+    let error = (1..100).find_map(|k| rig.step(0.4, f64::from(k) * 0.02).err()).unwrap();
+    assert!(error.to_string().contains("does not follow"), "{error}");
+}
+
+#[test]
 fn a_trip_of_the_watchdog_while_the_host_talks_ends_the_run() {
     let emulator = start_emulator("emulator", Faults::once(Kind::WatchdogTrip, 10, 0.0));
     let profile = driver("emulator");

@@ -109,6 +109,8 @@ fn an_unknown_key_is_refused_where_it_stands() {
        |
     15 | bauds = 230400
        | ^^^^^
+       |
+       = help: did you mean `baud`?
     ");
 }
 
