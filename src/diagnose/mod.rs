@@ -101,3 +101,6 @@ fn scatter(fitter: &Fitter<'_>, fit: &fit::Fit<'_>, known: &[Scattered]) -> Vec<
         .filter_map(|effect| effect.scatter(&look).map(|finding| Scattered { effect, finding }))
         .collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! The library against itself: each effect put into a simulated valve must come out again, and nothing where there
+//! is nothing. Whether other formulas of the same physics are named is for `hil challenge`.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+
+use super::*;
+use crate::physics::{effect, simulate, specification};
+use crate::recording::Run;
+
+const NOISE_BAR: f64 = 0.03;
+
+fn valve() -> Valve {
+    let text = r#"
+        schema = "hil.valve/1"
+        name = "test"
+        current_limits = ["0 A", "1 A"]
+        hysteresis.hyperbolic.a = "0.8 bar^2"
+        delay = "23 ms"
+        floor = "0 bar"
+        [curve]
+        ascending = [-42.65, 92.5, -8.4, -2.03]
+        descending = [-40.01, 83.32, -1.3, -2.41]
+    "#;
+    Valve::from_toml(text, "test").unwrap()
+}
+
+/// 60 s of holds, ramps, steps, small sines and two visits to tank pressure.
+fn drive() -> (Vec<f64>, Vec<f64>) {
+    let levels = [0.45, 0.7, 0.15, 0.62, 0.55, 0.8, 0.35, 0.1, 0.66, 0.5, 0.74, 0.42];
+    let time: Vec<f64> = (0..6000).map(|k| k as f64 * 0.01).collect();
+    let current = time
+        .iter()
+        .map(|t| {
+            let k = (t / 5.0) as usize;
+            let (from, to) = (levels[k], levels[(k + 1) % levels.len()]);
+            let rise = if k.is_multiple_of(2) { 0.15 } else { 2.0 };
+            let wobble = if k % 3 == 1 { 0.02 * (2.0 * std::f64::consts::PI * 1.7 * t).sin() } else { 0.0 };
+            from + (to - from) * ((t - 5.0 * k as f64 - 1.5) / rise).clamp(0.0, 1.0) + wobble
+        })
+        .collect();
+    (time, current)
+}
+
+fn recording(of: &Valve) -> Recording {
+    let (time_s, current_a) = drive();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(5);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    let pressure = simulate(of, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![] }
+}
+
+fn concealing(id: &str, theta: &[f64]) -> Diagnosed {
+    let mut true_valve = valve();
+    true_valve.effects.push(specification(effect(id).unwrap(), theta));
+    diagnose(&recording(&true_valve), &valve()).unwrap()
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is() {
+    let found = diagnose(&recording(&valve()), &valve()).unwrap();
+    assert_eq!(found.diagnosis.verdict, Verdict::Match, "{}", found.diagnosis.summary);
+    assert!(found.diagnosis.effects.is_empty());
+}
+
+#[test]
+fn what_was_concealed_comes_out_with_its_size() {
+    let cases: [(&str, &[f64]); 6] = [
+        ("transport_delay", &[0.04]),
+        ("first_order_lag", &[0.06, 1.0]),
+        ("reversal_dead_band", &[0.03]),
+        ("supply_saturation", &[18.0, 0.05, 0.0, 1e6]),
+        ("creep", &[0.06, 3.0, 1.0]),
+        ("sensor_drift", &[0.4, 2000.0]),
+    ];
+    for (id, theta) in cases {
+        let found = concealing(id, theta);
+        let d = &found.diagnosis;
+        let first = d.effects.first().unwrap_or_else(|| panic!("{id}: {}", d.summary));
+        assert!(first.id == id || first.indistinguishable.iter().any(|r| r == id), "{id}: {}", d.summary);
+        assert!(d.rmse_bar.augmented_heldout < 1.15 * NOISE_BAR, "{id}: {}", d.summary);
+        if first.id == id {
+            let name = effect(id).unwrap().parameters()[0].name;
+            let value = first.parameters[name].value;
+            assert!((value / theta[0] - 1.0).abs() < 0.15, "{id}: {value} for {}", theta[0]);
+        }
+    }
+}
+
+#[test]
+fn the_augmented_model_is_the_one_that_the_diagnosis_speaks_of() {
+    let found = concealing("first_order_lag", &[0.06, 1.0]);
+    let back = Valve::from_toml(&found.augmented.to_toml(), "augmented").unwrap();
+    let (time, current) = drive();
+    let simulated = simulate(&back, &time, &current).unwrap();
+    for (a, b) in simulated.iter().zip(&found.curves.augmented_bar) {
+        assert!((a - b).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn a_recording_that_carries_no_diagnosis_is_refused_with_the_reason() {
+    let whole = recording(&valve());
+    let with = |change: &dyn Fn(&mut Run)| {
+        let mut r = whole.clone();
+        change(&mut r.runs[0]);
+        diagnose(&r, &valve()).unwrap_err().to_string()
+    };
+    assert!(with(&|r| r.pressure_bar = None).contains("pressure_bar"));
+    assert!(with(&|r| r.current_a.fill(0.5)).contains("constant current"));
+    assert!(with(&|r| r.current_a.iter_mut().for_each(|i| *i *= 1000.0)).contains("mA"));
+    let short = with(&|r| {
+        r.time_s.truncate(50);
+        r.current_a.truncate(50);
+        r.pressure_bar.as_mut().unwrap().truncate(50);
+    });
+    assert!(short.contains("at least 200"), "{short}");
+}
