@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::batch_bench::{Bench, Setup};
 use super::batch_folder;
+use super::batch_prompt::{Seen, lock};
 use super::run::{exit_code, key_value, stop_on_signals};
 use super::{CliError, CliResult, exit};
 use crate::batch::campaign::{self, Confirmed, Job, Retry, Rules};
@@ -199,13 +200,17 @@ fn conduct(
         stop: &stop,
         down: AtomicBool::new(false),
     };
+    let seen = Seen::default();
     let jobs: Box<dyn Iterator<Item = Job> + Send> = match valves {
         Some(valves) => Box::new(remaining(valves, &loaded, &retry, args.retest).into_iter()),
-        None => Box::new(super::batch_prompt::Prompted::new(args, &loaded, limits, Arc::clone(&stop))),
+        None => Box::new(super::batch_prompt::Prompted::new(args, &loaded, limits, Arc::clone(&stop), Arc::clone(&seen))),
     };
     let mut told = Told::new(total, done);
     let rules = Rules { retry: &retry, stop: &stop, clock: &now };
-    let result = campaign::run(journal, jobs, bench.workers(), rules, &mut loaded.tally, |one| told.one(one));
+    let result = campaign::run(journal, jobs, bench.workers(), rules, &mut loaded.tally, |one| {
+        lock(&seen).insert(one.job.dut.serial.clone(), (one.job.position, one.job.attempt, one.record.outcome));
+        told.one(one);
+    });
     told.finish();
     if let Err(e) = result {
         super::note(&format!("what was confirmed is kept in {}; go on with --resume", store.dir().display()));

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::batch::BatchArgs;
 use crate::batch::campaign::Job;
@@ -22,38 +22,47 @@ pub fn passed_before(dir: &Path, serial: &str) -> Result<Option<String>, BatchEr
     Ok(passed.map(|a| format!("has passed before ({} in {}, {})", a.outcome, a.batch, a.at)))
 }
 
+/// What is known of each serial number of the batch: place, last attempt, its outcome; NOT_RUN while it is being tested.
+pub type Seen = Arc<Mutex<BTreeMap<String, (usize, u32, Outcome)>>>;
+
 /// The jobs of a batch whose valves are entered one by one.
 pub struct Prompted {
     common: Dut,
     form: SerialForm,
     known: Option<PathBuf>,
-    seen: BTreeMap<String, (usize, u32, Outcome)>,
+    seen: Seen,
     next: usize,
     stop: Arc<AtomicBool>,
 }
 
 impl Prompted {
     /// Asks for valves after those that the batch holds.
-    pub fn new(args: &BatchArgs, loaded: &Loaded, limits: Option<&LimitsFile>, stop: Arc<AtomicBool>) -> Self {
+    pub fn new(args: &BatchArgs, loaded: &Loaded, limits: Option<&LimitsFile>, stop: Arc<AtomicBool>, seen: Seen) -> Self {
         let common =
             Dut { serial: String::new(), part_number: args.part_number.clone(), revision: args.revision.clone(), lot: args.lot.clone() };
         let form = limits.map_or_else(SerialForm::default, |l| l.serial.clone());
-        let seen = loaded.tally.attempts().iter().map(|a| (a.dut.serial.clone(), (a.position, a.number, a.outcome))).collect();
+        let before = loaded.tally.attempts().iter().map(|a| (a.dut.serial.clone(), (a.position, a.number, a.outcome)));
+        lock(&seen).extend(before);
         let next = loaded.tally.attempts().iter().map(|a| a.position + 1).max().unwrap_or(0);
         Self { common, form, known: args.known.clone(), seen, next, stop }
     }
 
     fn known(&self, serial: &str) -> Option<String> {
-        match self.seen.get(serial) {
-            Some((_, _, Outcome::Pass | Outcome::Marginal)) => return Some("has passed in this batch already".into()),
-            Some((_, _, outcome)) => {
-                super::note(&format!("{serial} was tested before: {}; this is a further attempt", outcome_text(*outcome)))
-            }
+        let before = lock(&self.seen).get(serial).map(|(_, _, outcome)| *outcome);
+        match before {
+            Some(Outcome::Pass | Outcome::Marginal) => return Some("has passed in this batch already".into()),
+            Some(Outcome::NotRun) => return Some("is being tested".into()),
+            Some(outcome) => super::note(&format!("{serial} was tested before: {}; this is a further attempt", outcome_text(outcome))),
             None => {}
         }
         let dir = self.known.as_ref()?;
         passed_before(dir, serial).unwrap_or_else(|e| Some(format!("cannot be looked up: {e}")))
     }
+}
+
+/// A thread that panicked leaves the map as it was between two entries.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Iterator for Prompted {
@@ -69,11 +78,10 @@ impl Iterator for Prompted {
             let _ = anstream::stderr().flush();
             match duts::prompt(&mut input, &self.common, &self.form, |serial| self.known(serial)) {
                 Ok(duts::Entry::Dut(dut)) => {
-                    let before = self.seen.get(&dut.serial).map(|(position, attempt, _)| (*position, *attempt));
+                    let before = lock(&self.seen).get(&dut.serial).map(|(position, attempt, _)| (*position, *attempt));
                     let (position, attempt) = before.map_or((self.next, 1), |(position, attempt)| (position, attempt + 1));
                     self.next = self.next.max(position + 1);
-                    // Until its verdict is known, the valve counts as one that is in the works.
-                    self.seen.insert(dut.serial.clone(), (position, attempt, Outcome::NotRun));
+                    lock(&self.seen).insert(dut.serial.clone(), (position, attempt, Outcome::NotRun));
                     return Some(Job { position, attempt, dut });
                 }
                 Ok(duts::Entry::Refused(why)) => super::note(&format!("not accepted: {why}")),

@@ -213,3 +213,24 @@ fn a_gauge_study_from_a_file_and_from_a_plan() {
     let (code, _, stderr) = run(&["msa", "plans/tipin.toml", "--sim", "--metric", "tip-in/rms"]);
     assert!(code == 2 && stderr.contains("tip-in/rmse"), "{stderr}");
 }
+
+#[test]
+fn valves_can_be_scanned_and_a_valve_that_passed_is_refused() {
+    use std::io::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("b");
+    let mut child = hil(&["batch", "plans/tipin.toml", "--sim", "--prompt", "--threads", "1", "--out", text(&out)])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(b"\nV-1\nV-2\nV-1\n.\n").unwrap();
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("the serial number is blank"), "{stderr}");
+    assert!(stderr.contains("`V-1` has passed in this batch already") || stderr.contains("`V-1` is being tested"), "{stderr}");
+    let loaded = load(&out).unwrap();
+    let serials: Vec<&str> = loaded.tally.attempts().iter().map(|a| a.dut.serial.as_str()).collect();
+    assert_eq!(serials, ["V-1", "V-2"]);
+}
