@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::{CliError, CliResult, exit};
-use crate::diagnose::{Verdict, diagnose};
+use crate::diagnose::{Diagnosed, Verdict, diagnose, story};
 use crate::physics::EFFECTS;
 use crate::recording::{Mapping, Recording, replace_file};
 use crate::report;
@@ -66,6 +66,12 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     if let Some(path) = &args.output {
         store(path, &diagnosed.augmented.to_toml())?;
     }
+    if let Some(path) = &args.report {
+        store(path, &report::diagnosis::page(&diagnosed, &story(&diagnosed)))?;
+    }
+    if let Some(path) = &args.next_plan {
+        next_plan(path, args, &diagnosed)?;
+    }
     match args.format {
         Format::Json => super::print(&report::diagnosis::json(&diagnosed.diagnosis))?,
         Format::Text => super::print(&report::diagnosis::text(&diagnosed.diagnosis))?,
@@ -96,6 +102,20 @@ fn take_out(valve: &mut Valve, part: &str) -> Result<(), CliError> {
         }
     }
     Ok(())
+}
+
+/// Writes the plan of the next experiment, or says why there is none.
+fn next_plan(path: &Path, args: &DiagnoseArgs, diagnosed: &Diagnosed) -> Result<(), CliError> {
+    let Some(next) = &diagnosed.diagnosis.next_experiment else {
+        super::note(&format!(
+            "nothing was found that a rival could explain, so there is no experiment to plan; {} is not written",
+            path.display()
+        ));
+        return Ok(());
+    };
+    // A plan names its valve: the augmented model where it is stored, otherwise the one that was diagnosed.
+    let model = args.output.as_ref().map_or_else(|| args.model.clone(), |p| p.display().to_string());
+    store(path, &next.plan(&model, &diagnosed.augmented))
 }
 
 fn store(path: &Path, text: &str) -> Result<(), CliError> {

@@ -126,7 +126,8 @@ impl<'a> Findings<'_, 'a> {
             augmented_bar,
             runner_up_bar,
         };
-        Diagnosed { diagnosis, augmented, curves }
+        let rival = self.rival(&diagnosis.effects);
+        Diagnosed { diagnosis, augmented, curves, rival }
     }
 
     /// RMSE of a held-out residual with the masked readings counted against the model again.

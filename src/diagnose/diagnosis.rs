@@ -227,4 +227,43 @@ pub struct Diagnosed {
     pub augmented: Valve,
     /// For the page.
     pub curves: Curves,
+    /// The model that comes closest to it; `None` where nothing was found.
+    pub rival: Option<Rival>,
+}
+
+/// A model with another effect in place of one that was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rival {
+    /// Id of the effect that it does without.
+    pub of: String,
+    /// Id of the effect that it has in place of it.
+    pub id: String,
+    /// The model.
+    pub valve: Valve,
+    /// Whether it explains the recording as well.
+    pub indistinguishable: bool,
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A diagnosis that says nothing.
+    pub fn nothing() -> Diagnosis {
+        Diagnosis {
+            schema: SCHEMA.into(),
+            recording: "drive.csv".into(),
+            model: "paper".into(),
+            verdict: Verdict::Match,
+            summary: String::new(),
+            rmse_bar: Errors { base: 0.02, base_heldout: 0.02, refit_heldout: 0.02, augmented_heldout: 0.02, noise_floor: 0.02 },
+            effects: Vec::new(),
+            recalibration: Vec::new(),
+            place: Place::default(),
+            candidates: Vec::new(),
+            unexplained: None,
+            next_experiment: None,
+            notes: Vec::new(),
+        }
+    }
 }

@@ -7,20 +7,27 @@
 mod conclude;
 mod diagnosis;
 mod evidence;
+mod experiment;
 mod fit;
 mod heldout;
 mod locate;
 mod loss;
 mod model;
 mod remainder;
+mod rival;
 mod search;
+mod signature;
+mod stimuli;
+mod story;
 mod words;
 
 pub use diagnosis::{
-    Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, SCHEMA, Verdict,
-    Window,
+    Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, Rival, SCHEMA,
+    Verdict, Window,
 };
-pub use words::{figure, title};
+pub use signature::{Axis, Signature};
+pub use story::{Cell, RunStory, Slice, Story, Strip, story};
+pub use words::{figure, paragraph, title};
 
 use conclude::{Findings, Scattered};
 use evidence::Evidence;
@@ -81,7 +88,9 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
     // What only the scatter shows is looked for about the best course.
     let late = scatter(&fitter, &search.chosen, &scattered);
     scattered.extend(late);
-    Ok(Findings { recording, base: &base, fitter: &fitter, search: &search, scattered }.conclude())
+    let mut found = Findings { recording, base: &base, fitter: &fitter, search: &search, scattered }.conclude();
+    found.diagnosis.next_experiment = experiment::next_experiment(&found);
+    Ok(found)
 }
 
 /// The effects of the scatter that show about this fit, but for those that are known.

@@ -1,7 +1,11 @@
 //! Views of a diagnosis: text for a terminal, the JSON of the contract, a page that tells the story.
 
+mod drawings;
+mod page;
+mod tables;
 mod text;
 
+pub use page::page;
 pub use text::text;
 
 use crate::diagnose::Diagnosis;

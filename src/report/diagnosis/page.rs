@@ -1,0 +1,117 @@
+//! The diagnosis as one self-contained page: the answer first, then what it rests on.
+
+use maud::{Markup, PreEscaped, html};
+
+use super::{drawings, tables};
+use crate::diagnose::{Diagnosed, Diagnosis, Story, Verdict, figure, title};
+
+/// What this page has beyond the style of all reports.
+const STYLE: &str = r"
+.badge.match { background: var(--pass); } .badge.explained { background: var(--measured); } .badge.partly { background: var(--marginal); } .badge.unexplained { background: var(--fail); }
+.answer { border-left: 5px solid var(--c); background: color-mix(in srgb, var(--c) 7%, var(--card)); border-radius: 0 10px 10px 0; padding: 10px 18px; margin: 18px 0 0; }
+.answer.match { --c: var(--pass); } .answer.explained { --c: var(--measured); } .answer.partly { --c: var(--marginal); } .answer.unexplained { --c: var(--fail); }
+table.heat { table-layout: fixed; font-size: 12px; } table.heat td, table.heat th { padding: 3px 4px; border: 2px solid var(--card); text-align: center; vertical-align: middle; }
+table.heat td.cell { background: color-mix(in srgb, var(--error) var(--p), var(--grid)); } table.heat th { text-align: left; font-size: 12px; } table.heat td.from { color: var(--soft); font-size: 11px; padding-top: 0; }
+table.heat th.name { width: 19%; } table.heat th.model { width: 11%; font-weight: 400; }
+td .gauge { min-width: 60px; } tr.named td { font-weight: 600; background: color-mix(in srgb, var(--good) 9%, var(--card)); }
+h3 .soft { font-weight: 400; }
+@media (max-width: 860px) { table.heat { min-width: 620px; } }
+@media (prefers-color-scheme: dark) { .badge.match { background: #1d7a45; } .badge.explained { background: #2a62b8; } .badge.partly { background: #8a5a10; } .badge.unexplained { background: #b3261e; } }
+@media print { .rest { display: none; } }
+";
+
+/// The page; `story` is what [`crate::diagnose::story`] makes of the same diagnosis.
+pub fn page(found: &Diagnosed, story: &Story) -> String {
+    let d = &found.diagnosis;
+    let body = html! {
+        style { (PreEscaped(STYLE)) }
+        (heading(d))
+        (tables::tiles(d))
+        h2 { "Recording and simulation" }
+        p.soft.hint { "Point to read values, drag to zoom, double-click to zoom out. Figures with the same time axis move together." }
+        @for run in story.runs.iter().take(1) { (drawings::run(found, run, story.runs.len() > 1)) }
+        @if story.runs.len() > 1 {
+            details.rest {
+                summary { "The other runs" @if story.runs.len() > 9 { " (the eight with the largest error)" } }
+                @for run in story.runs.iter().skip(1).take(8) { (drawings::run(found, run, true)) }
+            }
+        }
+        h2 { "Where the model as given errs" }
+        (drawings::slices(d, story))
+        (tables::strips(d, story))
+        @if !story.spectrum.is_empty() { (drawings::spectrum(d, story)) }
+        @if !d.effects.is_empty() {
+            h2 { "What is missing" }
+            @if let Some(signature) = &story.signature { (drawings::signature(d, signature)) }
+            @for (n, finding) in d.effects.iter().enumerate() { (tables::finding(n + 1, finding)) }
+        }
+        @if !d.recalibration.is_empty() { (tables::recalibration(d)) }
+        @if let Some(rest) = &d.unexplained { h2 { "What is left" } (tables::remainder(rest)) }
+        h2 { "What was tried" }
+        (tables::candidates(d))
+        h2 { "How well each model does on data it has not seen" }
+        (tables::errors(d))
+        h2 { "What to do next" }
+        (tables::next(d))
+        @if let Some(next) = &d.next_experiment { (drawings::experiment(next)) }
+        @if !d.notes.is_empty() { h2 { "Noticed about recording and model" } .card { ul { @for note in &d.notes { li { (note) } } } } }
+        footer {
+            "Errors are measured minus simulated. The simulations run free: they see the recorded current, never the measured pressure. Schema "
+            code { (d.schema) } "; nothing on this page was fetched."
+        }
+    };
+    crate::report::page(&format!("{}: {}", d.recording, answer(d)), &body)
+}
+
+/// The verdict in the words of a badge, and the class of its colour.
+fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
+    match verdict {
+        Verdict::Match => ("MATCH", "match"),
+        Verdict::Explained => ("EXPLAINED", "explained"),
+        Verdict::PartlyExplained => ("PARTLY EXPLAINED", "partly"),
+        Verdict::Unexplained => ("UNEXPLAINED", "unexplained"),
+    }
+}
+
+/// The answer as a headline.
+fn answer(d: &Diagnosis) -> String {
+    let named = d.effects.iter().map(|f| title(&f.id)).collect::<Vec<_>>();
+    let named = match named.as_slice() {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    };
+    match d.verdict {
+        Verdict::Match => "Nothing is missing".into(),
+        Verdict::Explained => format!("Missing in the model: {named}"),
+        Verdict::PartlyExplained => format!("Missing in the model: {named}, and something unknown"),
+        Verdict::Unexplained => "Something is missing that the library does not hold".into(),
+    }
+}
+
+fn heading(d: &Diagnosis) -> Markup {
+    let (text, class) = verdict(d.verdict);
+    html! {
+        header.top {
+            div {
+                h1 { (answer(d)) }
+                .sub { "recording " b { (d.recording) } " against model " b { (d.model) } }
+            }
+            .badges { span.badge.big.(class) { (text) } }
+        }
+        .answer.(class) {
+            p.lead { (d.summary) }
+            @for f in d.effects.iter().filter(|f| !f.indistinguishable.is_empty()) {
+                p { "This recording cannot tell " b { (title(&f.id)) } " from "
+                    @for (k, id) in f.indistinguishable.iter().enumerate() { @if k > 0 { " or " } b { (title(id)) } }
+                    "; the next experiment below can." }
+            }
+        }
+    }
+}
+
+/// A value with its standard error.
+pub(super) fn plus_minus(value: f64, std_error: Option<f64>, unit: &str) -> (String, String) {
+    let error = std_error.map_or_else(|| "not carried by this recording".into(), |s| format!("\u{b1} {}", figure(s, unit)));
+    (figure(value, unit), error)
+}
