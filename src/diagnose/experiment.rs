@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use super::diagnosis::{Diagnosed, NextExperiment, Rival};
-use super::stimuli::{menu, sampled};
+use super::stimuli::{limits, menu, sampled};
 use super::words::title;
 use crate::physics::simulate;
 use crate::valve::Valve;
@@ -99,10 +99,15 @@ fn words(rival: &Rival, stimulus: &str, duration_s: f64, sigma: f64, on_record_s
 }
 
 impl NextExperiment {
+    /// Whether the rivals differ enough to be told apart by it.
+    pub fn separates(&self) -> bool {
+        self.separation_sigma >= CLEAR_SIGMA
+    }
+
     /// The experiment as a plan for `hil run`. `model` is what the plan names as its valve, `valve` the model itself.
     pub fn plan(&self, model: &str, valve: &Valve) -> String {
         let quoted = |text: &str| toml::Value::from(text).to_string();
-        let rest_a = valve.current_limits_a.0;
+        let rest_a = limits(valve).0;
         let first_a = self.table.first().map_or(rest_a, |p| p.1);
         let mut out = String::from("schema = \"hil.plan/1\"\n");
         let _ = writeln!(out, "name = \"separate-{}-from-{}\"", self.rivals.0, self.rivals.1);
@@ -112,12 +117,12 @@ impl NextExperiment {
         let (_, top_bar) = valve.curves.pressure_range_bar();
         let _ = writeln!(out, "[interlocks]\nmax_pressure = \"{:.1} bar\"\n", 1.2 * top_bar + 3.0);
         let approach = if (first_a - rest_a).abs() > 1e-9 {
-            format!("stimulus.ramp = {{ from = \"{rest_a} A\", to = \"{first_a} A\", over = \"2 s\" }}")
+            format!("stimulus.ramp = {{ from = \"{rest_a:.4} A\", to = \"{first_a:.4} A\", over = \"2 s\" }}")
         } else {
-            format!("stimulus.hold = {{ at = \"{rest_a} A\", for = \"2 s\" }}")
+            format!("stimulus.hold = {{ at = \"{rest_a:.4} A\", for = \"2 s\" }}")
         };
         let _ = writeln!(out, "[[setup]]\nname = \"approach\"\n{approach}\n\n[[setup]]\nname = \"settle\"");
-        let _ = writeln!(out, "stimulus.hold = {{ at = \"{first_a} A\", for = \"3 s\" }}\n\n[[phase]]\nname = \"{}\"", self.stimulus);
+        let _ = writeln!(out, "stimulus.hold = {{ at = \"{first_a:.4} A\", for = \"3 s\" }}\n\n[[phase]]\nname = \"{}\"", self.stimulus);
         let _ = writeln!(out, "stimulus.points = [");
         for (time_s, current_a) in &self.table {
             let _ = writeln!(out, "  [\"{time_s:.3} s\", \"{current_a:.4} A\"],");
@@ -125,9 +130,9 @@ impl NextExperiment {
         let _ = writeln!(out, "]\n\n[[teardown]]\nname = \"release\"");
         let last_a = self.table.last().map_or(rest_a, |p| p.1);
         if (last_a - rest_a).abs() > 1e-9 {
-            let _ = writeln!(out, "stimulus.ramp = {{ to = \"{rest_a} A\", over = \"1 s\" }}");
+            let _ = writeln!(out, "stimulus.ramp = {{ to = \"{rest_a:.4} A\", over = \"1 s\" }}");
         } else {
-            let _ = writeln!(out, "stimulus.hold = {{ at = \"{rest_a} A\", for = \"1 s\" }}");
+            let _ = writeln!(out, "stimulus.hold = {{ at = \"{rest_a:.4} A\", for = \"1 s\" }}");
         }
         out
     }

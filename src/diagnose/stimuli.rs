@@ -23,7 +23,7 @@ struct Path {
 
 impl Path {
     fn from(current_a: f64, range_a: (f64, f64)) -> Self {
-        Self { points: vec![(0.0, current_a)], range_a }
+        Self { points: vec![(0.0, rounded(current_a, 1e-4).clamp(range_a.0, range_a.1))], range_a }
     }
     fn last(&self) -> (f64, f64) {
         self.points.last().copied().unwrap_or_default()
@@ -31,8 +31,8 @@ impl Path {
     /// A straight line to `current_a` in `over_s`.
     fn to(&mut self, current_a: f64, over_s: f64) -> &mut Self {
         let (t, _) = self.last();
-        let steps = |s: f64, size: f64| (s / size).round() * size;
-        self.points.push((steps(t + over_s.max(JUMP_S), 1e-3), steps(current_a.clamp(self.range_a.0, self.range_a.1), 1e-4)));
+        let current_a = rounded(current_a, 1e-4).clamp(self.range_a.0, self.range_a.1);
+        self.points.push((rounded(t + over_s.max(JUMP_S), 1e-3), current_a));
         self
     }
     fn hold(&mut self, for_s: f64) -> &mut Self {
@@ -47,9 +47,21 @@ impl Path {
     }
 }
 
+/// To whole steps of `size`: what a plan prints is what is simulated.
+fn rounded(value: f64, size: f64) -> f64 {
+    (value / size).round() * size
+}
+
+/// The limits of the current, inwards to what a plan prints [A].
+pub fn limits(valve: &Valve) -> (f64, f64) {
+    let (low, high) = valve.current_limits_a;
+    // A hair of tolerance, so that a limit that is printed whole stays itself.
+    (((low / 1e-4 - 1e-6).ceil()) * 1e-4, ((high / 1e-4 + 1e-6).floor()) * 1e-4)
+}
+
 /// The menu for a valve.
 pub fn menu(valve: &Valve) -> Vec<Stimulus> {
-    let limits = valve.current_limits_a;
+    let limits = limits(valve);
     let range = valve.curves.range_a;
     // Where the curves hold, but for the dips to the empty clutch.
     let (low, high) = (range.0.clamp(limits.0, limits.1), range.1.clamp(limits.0, limits.1));

@@ -22,6 +22,8 @@ pub struct Story {
     pub strips: Vec<Strip>,
     /// Where the error changes most; `None` where nothing changes.
     pub signature: Option<Signature>,
+    /// What is left, over the variable on which it depends most; `None` where nothing is left.
+    pub rest: Option<Signature>,
     /// Frequency [Hz], amplitude density of the error as given, with the effects [bar/sqrt(Hz)].
     pub spectrum: Vec<(f64, f64, f64)>,
     /// What white sensor noise has in that spectrum [bar/sqrt(Hz)].
@@ -97,6 +99,11 @@ pub fn story(found: &Diagnosed) -> Story {
     } else {
         None
     };
+    let rest = found.diagnosis.unexplained.as_ref().and_then(|rest| {
+        let nothing = vec![0.0; augmented.len()];
+        let dependent = |s: &Signature| s.explained_bar2 > 0.05 * rest.rms_bar.powi(2);
+        signatures(&all, &direction, &augmented, &nothing).into_iter().next().filter(dependent)
+    });
     let mut runs: Vec<RunStory> = ranges(curves)
         .into_iter()
         .zip(&evidence.grids)
@@ -108,7 +115,7 @@ pub fn story(found: &Diagnosed) -> Story {
         (Some(r), Some(grid)) => (spectrum(&base[r.clone()], &augmented[r], grid.dt_s), noise_bar * (2.0 * grid.dt_s).sqrt()),
         _ => (Vec::new(), 0.0),
     };
-    Story { runs, strips, signature, spectrum, spectrum_noise }
+    Story { runs, strips, signature, rest, spectrum, spectrum_noise }
 }
 
 fn ranges(curves: &Curves) -> Vec<std::ops::Range<usize>> {

@@ -44,7 +44,7 @@ pub fn run(found: &Diagnosed, run: &RunStory, named: bool) -> Markup {
         residual = residual.series(after, Color::Good, Stroke::Thin, time.clone(), error(&augmented));
     }
     html! {
-        (pressure(head, TIME).height(270).band_x("worst stretch", Color::Error, run.worst_s.0, run.worst_s.1).ranges(range, None).render())
+        (pressure(head, TIME).height(270).band_x("worst", Color::Error, run.worst_s.0, run.worst_s.1).ranges(range, None).render())
         (residual.render())
         .columns {
             (pressure("The worst stretch, enlarged".into(), "time of the stretch [s]").height(230)
@@ -67,18 +67,21 @@ fn after(d: &Diagnosis) -> &'static str {
 
 /// The error over time as bars: when it occurs.
 pub fn slices(d: &Diagnosis, story: &Story) -> Markup {
-    html! {
-        @for run in story.runs.iter().take(3) {
-            @let middle: Vec<f64> = run.slices.iter().map(|s| 0.5 * (s.from_s + s.to_s)).collect();
-            @let head = run.name.as_ref().map_or_else(|| "Error over time".to_string(), |name| format!("Error over time, run {name}"));
-            @let figure = Figure::new(head, if run.name.is_some() { "time of the run [s]" } else { TIME }, "RMS error [bar]")
-                .height(150)
-                .bars("model as given", Color::Error, middle.clone(), run.slices.iter().map(|s| s.base_bar).collect())
-                .bars(after(d), Color::Good, middle, run.slices.iter().map(|s| s.augmented_bar).collect())
-                .horizontal("sensor noise", Color::Neutral, d.rmse_bar.noise_floor);
-            (figure.render())
-        }
+    html! { @for run in story.runs.iter().take(3) { (slices_of(d, run)) } }
+}
+
+fn slices_of(d: &Diagnosis, run: &RunStory) -> Markup {
+    let middle: Vec<f64> = run.slices.iter().map(|s| 0.5 * (s.from_s + s.to_s)).collect();
+    let (head, time) = match &run.name {
+        Some(name) => (format!("Error over time, run {name}"), "time of the run [s]"),
+        None => ("Error over time".to_string(), TIME),
+    };
+    let base = run.slices.iter().map(|s| s.base_bar).collect();
+    let mut figure = Figure::new(head, time, "RMS error [bar]").height(150).bars("model as given", Color::Error, middle.clone(), base);
+    if !d.effects.is_empty() {
+        figure = figure.bars(after(d), Color::Good, middle, run.slices.iter().map(|s| s.augmented_bar).collect());
     }
+    figure.horizontal("sensor noise", Color::Neutral, d.rmse_bar.noise_floor).render()
 }
 
 /// The error over frequency.
@@ -91,7 +94,7 @@ pub fn spectrum(d: &Diagnosis, story: &Story) -> Markup {
         .line(after(d), Color::Good, x, story.spectrum.iter().map(|s| s.2).collect())
         .horizontal("white sensor noise", Color::Neutral, story.spectrum_noise);
     if let Some((low, high)) = d.place.band_hz.filter(|b| b.0 < b.1 && b.0 > 0.0) {
-        figure = figure.band_x("four fifths of the error beyond the noise", Color::Error, low, high);
+        figure = figure.band_x("80 % of the error", Color::Error, low, high);
     }
     figure.render()
 }
@@ -121,6 +124,19 @@ pub fn signature(d: &Diagnosis, s: &Signature) -> Markup {
         .caption(format!(
             "Of all variables of the operating point, the mean error depends on this one most, and here the missing physics changes it most: from the red line to the green one. Each dot is the mean over an equal number of samples.{remark}"
         ))
+        .render()
+}
+
+/// The mean of what is left over the variable on which it depends most.
+pub fn rest(d: &Diagnosis, s: &Signature) -> Markup {
+    let quantity = if s.axis.along_movement { "mean error along the movement [bar]" } else { "mean error [bar]" };
+    let noise = d.rmse_bar.noise_floor;
+    Figure::new("On what the rest depends most", s.axis.label.clone(), quantity)
+        .height(220)
+        .band_y("", Color::Neutral, -noise, noise)
+        .line("what no effect carries", Color::Error, s.at.clone(), s.base_bar.clone())
+        .points("", Color::Error, s.at.clone(), s.base_bar.clone())
+        .caption("Mean over ranges of equal count. No physics stands behind this line: it says where to look.")
         .render()
 }
 

@@ -46,7 +46,7 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
             @for (n, finding) in d.effects.iter().enumerate() { (tables::finding(n + 1, finding)) }
         }
         @if !d.recalibration.is_empty() { (tables::recalibration(d)) }
-        @if let Some(rest) = &d.unexplained { h2 { "What is left" } (tables::remainder(rest)) }
+        @if let Some(rest) = &d.unexplained { h2 { "What is left" } (tables::remainder(rest)) @if let Some(s) = &story.rest { (drawings::rest(d, s)) } }
         h2 { "What was tried" }
         (tables::candidates(d))
         h2 { "How well each model does on data it has not seen" }
@@ -104,7 +104,7 @@ fn heading(d: &Diagnosis) -> Markup {
             @for f in d.effects.iter().filter(|f| !f.indistinguishable.is_empty()) {
                 p { "This recording cannot tell " b { (title(&f.id)) } " from "
                     @for (k, id) in f.indistinguishable.iter().enumerate() { @if k > 0 { " or " } b { (title(id)) } }
-                    "; the next experiment below can." }
+                    @if d.next_experiment.as_ref().is_some_and(|n| n.separates()) { "; the next experiment below can." } @else { "." } }
             }
         }
     }

@@ -14,9 +14,9 @@ pub fn tiles(d: &Diagnosis) -> Markup {
     };
     html! {
         .tiles {
-            (tile("RMS error of the model as given", e.base, "all data"))
-            (tile("recalibrated", e.refit_heldout, "held-out data"))
-            @if !d.effects.is_empty() { (tile("with what is missing", e.augmented_heldout, "held-out data")) }
+            (tile("model as given", e.base, "RMS error, all data"))
+            (tile("recalibrated", e.refit_heldout, "RMS error, held-out data"))
+            @if !d.effects.is_empty() { (tile("with what is missing", e.augmented_heldout, "RMS error, held-out data")) }
             (tile("sensor noise", e.noise_floor, "no model does better"))
             @if let Some(share) = recovered(d) {
                 .tile { .name { "misfit explained" } .value { (format!("{:.0}", 100.0 * share)) " " small { "%" } } .note { "of what lies above the noise" } }
@@ -42,13 +42,14 @@ pub fn strips(d: &Diagnosis, story: &Story) -> Markup {
         html! { @for cell in cells { td.cell style={ "--p:" (format!("{:.0}", percent(of(cell)))) "%" } { (format!("{:.3}", of(cell))) } } }
     };
     let changed = !d.effects.is_empty();
+    let most = story.strips.iter().map(|s| s.cells.len()).max().unwrap_or_default();
     html! {
         .card.scroll {
-            p { b { "RMS error [bar] over the operating point" } ", eight ranges of equal count; the darker, the larger the error." }
+            p { b { "RMS error [bar] over the operating point" } ", ranges of equal count; the darker, the larger the error." }
             table.heat {
-                colgroup { col style="width:19%"; col style="width:11%"; }
+                colgroup { col style="width:16%"; col style="width:9%"; }
                 @for strip in &story.strips {
-                    @let missing = 8usize.saturating_sub(strip.cells.len());
+                    @let missing = most.saturating_sub(strip.cells.len());
                     tbody {
                         tr {
                             th.name rowspan=(if changed { 3 } else { 2 }) { (strip.label) }
@@ -58,14 +59,14 @@ pub fn strips(d: &Diagnosis, story: &Story) -> Markup {
                         }
                         @if changed {
                             tr {
-                                th.model { "augmented" }
+                                th.model { "after" }
                                 (row(&strip.cells, &|c| c.augmented_bar))
                                 @for _ in 0..missing { td {} }
                             }
                         }
                         tr {
                             th.model {}
-                            @for cell in &strip.cells { td.from { (short(cell.from)) " to " (short(cell.to)) } }
+                            @for cell in &strip.cells { td.from { (short(cell.from)) " \u{2026} " (short(cell.to)) } }
                             @for _ in 0..missing { td {} }
                         }
                     }
@@ -104,7 +105,7 @@ pub fn finding(n: usize, f: &Finding) -> Markup {
                     }
                 }
             } }
-            p { b { "Evidence: " } (f.evidence) "." }
+            p { b { "Evidence: " } (f.evidence.trim_end_matches('.')) "." }
             p { b { "Gain on held-out data: " } (format!("{:.3} bar", f.heldout_gain_bar))
                 @if let Some((low, high)) = f.heldout_gain_interval_bar { (format!(" (95 %: {low:.3} to {high:.3} bar)")) }
                 (format!(", p = {:.4}.", f.p_value)) }
