@@ -49,7 +49,18 @@ impl Effect for DelayJitter {
     /// The error over the slope of the pressure where it is steep: a time shift of its own for each message.
     fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
         let n = of.measured_bar.len();
-        let steep = STEEP * of.noise_bar / 0.005;
+        // What scatters in holds as well is no jitter: the noise is what the calm samples show.
+        let mut calm: Vec<f64> = (1..n.saturating_sub(1))
+            .filter(|k| (of.simulated_bar[k + 1] - of.simulated_bar[k - 1]).abs() < 0.02 * of.noise_bar)
+            .map(|k| (of.measured_bar[k] - of.simulated_bar[k]).abs())
+            .filter(|e| e.is_finite())
+            .collect();
+        if calm.len() < FEWEST {
+            return None;
+        }
+        let middle = calm.len() / 2;
+        let noise_bar = of.noise_bar.max(1.4826 * *calm.select_nth_unstable_by(middle, f64::total_cmp).1);
+        let steep = STEEP * noise_bar / 0.005;
         let mut shifts: Vec<(usize, f64)> = Vec::new();
         let mut slopes = vec![0.0; n];
         for (k, kept) in slopes.iter_mut().enumerate().take(n.saturating_sub(1)).skip(1) {
@@ -88,7 +99,7 @@ impl Effect for DelayJitter {
         };
         let variance = shifts.iter().map(|s| clip(s.1).powi(2)).sum::<f64>() / shifts.len() as f64;
         let alike = at(3) / variance;
-        let own = median(shifts.iter().map(|(k, _)| of.noise_bar / slopes[*k].abs()).collect());
+        let own = median(shifts.iter().map(|(k, _)| noise_bar / slopes[*k].abs()).collect());
         let spread_s = (spread_s * spread_s - own * own).max(0.0).sqrt();
         if spread_s < SMALLEST_S || alike.is_nan() || alike >= 0.35 {
             return None;
@@ -97,7 +108,7 @@ impl Effect for DelayJitter {
         let gain_nats = (0..n)
             .filter(|k| of.measured_bar[*k].is_finite())
             .map(|k| {
-                let (e2, v0) = ((of.measured_bar[k] - of.simulated_bar[k]).powi(2), of.noise_bar.powi(2));
+                let (e2, v0) = ((of.measured_bar[k] - of.simulated_bar[k]).powi(2), noise_bar.powi(2));
                 let v1 = v0 + spread_bar[k].powi(2);
                 // Bounded, so that single events do not decide.
                 (0.5 * (e2.min(40.0 * v1) / v0 - e2.min(40.0 * v1) / v1 - (v1 / v0).ln())).min(50.0)
