@@ -39,6 +39,8 @@ pub struct DeviceReport {
     pub trips: u64,
     /// Raw pressure in the latest reply.
     pub served_pressure_raw: Option<f64>,
+    /// Number of the request and raw pressure of the latest replies, at most sixteen.
+    pub served: Vec<(u64, f64)>,
     /// Pressure at the valve [bar].
     pub pressure_bar: f64,
     /// What happened, with the device's time [s]; the newest last, at most some hundreds.
@@ -131,6 +133,14 @@ impl Device {
     /// Time since the first set-point other than zero [s].
     pub fn since_first_current_s(&self, now_s: f64) -> Option<f64> {
         self.first_current_s.map(|t| now_s - t)
+    }
+
+    fn serve(&mut self, raw: f64) {
+        self.report.served_pressure_raw = Some(raw);
+        if self.report.served.len() >= 16 {
+            self.report.served.remove(0);
+        }
+        self.report.served.push((self.report.requests, raw));
     }
 
     fn event(&mut self, now_s: f64, text: String) {
@@ -268,7 +278,7 @@ impl Device {
         }
         let value = if self.defects.sensor_break && name == SignalName::Pressure { 999.0 } else { self.shown(name) };
         if name == SignalName::Pressure {
-            self.report.served_pressure_raw = Some(value);
+            self.serve(value);
         }
         value
     }
@@ -303,7 +313,7 @@ impl Device {
                 if self.defects.sensor_break {
                     raw = if float { f64::NAN } else { (low - 500.0).max(0.0) };
                 }
-                self.report.served_pressure_raw = Some(raw);
+                self.serve(raw);
             }
             self.store(signal, raw);
         }
