@@ -4,6 +4,7 @@
 mod batch;
 mod blind;
 mod challenge;
+mod diagnose;
 mod identify;
 mod paper;
 mod peers;

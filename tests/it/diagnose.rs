@@ -1,0 +1,135 @@
+//! `hil diagnose` from outside: what it finds, the keys of its JSON, page and plan, exit codes, bad input.
+
+use std::path::PathBuf;
+
+use assert_cmd::Command;
+use hil::physics::simulate;
+use hil::valve::Valve;
+use predicates::str::contains;
+use rand::{RngExt, SeedableRng};
+use serde_json::Value;
+
+const PAPER: &str = include_str!("../../valves/paper.toml");
+
+struct Bench(tempfile::TempDir);
+
+impl Bench {
+    /// A folder with the paper's valve, and a drive of it with `effect` added.
+    fn new(effect: &str) -> Self {
+        let bench = Self(tempfile::tempdir().unwrap());
+        std::fs::write(bench.at("valve.toml"), PAPER).unwrap();
+        let truth = Valve::from_toml(&format!("{PAPER}\n{effect}\n"), "truth").unwrap();
+        std::fs::write(bench.at("drive.csv"), drive(&truth)).unwrap();
+        bench
+    }
+    fn at(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+    fn hil(&self, arguments: &[&str]) -> assert_cmd::assert::Assert {
+        Command::new(env!("CARGO_BIN_EXE_hil")).current_dir(self.0.path()).args(arguments).assert()
+    }
+    fn text(&self, name: &str) -> String {
+        std::fs::read_to_string(self.at(name)).unwrap()
+    }
+}
+
+/// Thirty seconds of steps and ramps at 100 Hz, with 20 mbar of noise.
+fn drive(valve: &Valve) -> String {
+    let mut random = rand_pcg::Pcg64::seed_from_u64(11);
+    let mut current_a = vec![0.4];
+    while current_a.len() < 3000 {
+        let from = *current_a.last().unwrap();
+        let to: f64 = random.random_range(0.3..0.8);
+        let (over, hold) = (random.random_range(5..80), random.random_range(20..60));
+        current_a.extend((1..=over).map(|k| from + (to - from) * f64::from(k) / f64::from(over)));
+        current_a.extend((0..hold).map(|_| to));
+    }
+    let time_s: Vec<f64> = (0..current_a.len()).map(|k| k as f64 * 0.01).collect();
+    let pressure = simulate(valve, &time_s, &current_a).unwrap();
+    let mut out = String::from("time_s,current_a,pressure_bar\n");
+    for ((t, i), p) in time_s.iter().zip(&current_a).zip(pressure) {
+        // The sum of twelve uniform numbers is nearly normal, with a variance of one.
+        let noise: f64 = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        out += &format!("{t:.2},{i:.5},{:.4}\n", p + 0.02 * noise);
+    }
+    out
+}
+
+#[test]
+fn a_lag_is_named_shown_and_planned_for() {
+    let bench = Bench::new("[[effect]]\nfirst_order_lag = { tau = \"60 ms\" }");
+    let arguments = ["diagnose", "drive.csv", "--model", "valve.toml", "-o", "augmented.toml", "--report", "page.html"];
+    let more = ["--next-plan", "next.toml", "--format", "json", "--fail-on", "mismatch"];
+    let out = bench.hil(&[&arguments[..], &more].concat()).code(1);
+    let json: Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
+    for key in ["schema", "verdict", "summary", "rmse_bar", "effects", "where", "candidates", "unexplained", "next_experiment"] {
+        assert!(json.get(key).is_some(), "no key `{key}`");
+    }
+    for key in ["base", "base_heldout", "refit_heldout", "augmented_heldout", "noise_floor"] {
+        assert!(json["rmse_bar"][key].as_f64().unwrap() > 0.0, "rmse_bar.{key}");
+    }
+    assert_eq!(json["verdict"], "explained", "{json:#}");
+    let first = &json["effects"][0];
+    let named = [first["id"].as_str().unwrap(), first["indistinguishable"][0].as_str().unwrap_or_default()];
+    assert!(named.contains(&"first_order_lag"), "{named:?}");
+    for key in ["parameters", "heldout_gain_bar", "p_value", "evidence"] {
+        assert!(first.get(key).is_some(), "no key `effects[0].{key}`");
+    }
+
+    let page = bench.text("page.html");
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("EXPLAINED") && page.contains("The signature"));
+    assert!(!page.contains("<link") && !page.contains(" src="), "the page fetches something");
+    // What was written runs: the augmented model simulates, the plan passes its check.
+    bench.hil(&["simulate", "drive.csv", "--model", "augmented.toml", "-o", "out.csv"]).success();
+    assert!(json["next_experiment"]["separation_sigma"].as_f64().unwrap() > 0.0);
+    bench.hil(&["check", "next.toml", "augmented.toml"]).success();
+}
+
+#[test]
+fn nothing_wrong_is_a_match_and_needs_no_plan() {
+    let bench = Bench::new("");
+    let arguments = ["diagnose", "drive.csv", "--model", "valve.toml", "--next-plan", "next.toml", "--report", "page.html"];
+    bench
+        .hil(&[&arguments[..], &["--fail-on", "mismatch"]].concat())
+        .success()
+        .stdout(contains("MATCH"))
+        .stderr(contains("next.toml is not written"));
+    assert!(!bench.at("next.toml").exists());
+    assert!(bench.text("page.html").contains("Nothing is missing"));
+}
+
+#[test]
+fn a_part_that_is_taken_out_is_missed() {
+    let bench = Bench::new("");
+    let out = bench.hil(&["diagnose", "drive.csv", "--model", "valve.toml", "--without", "hysteresis", "--format", "json"]).success();
+    let json: Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
+    assert_ne!(json["verdict"], "match", "{json:#}");
+    let unknown = contains("--without gravity: is no part; the model has: hysteresis, delay");
+    bench.hil(&["diagnose", "drive.csv", "--model", "valve.toml", "--without", "gravity"]).code(2).stderr(unknown);
+}
+
+#[test]
+fn bad_input_gets_an_answer_instead_of_a_diagnosis() {
+    let bench = Bench::new("");
+    let rows = |count: usize, change: &dyn Fn(f64, f64) -> (f64, f64)| {
+        let mut out = String::from("time_s,current_a,pressure_bar\n");
+        for line in bench.text("drive.csv").lines().skip(1).take(count) {
+            let values: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+            let (current, pressure) = change(values[1], values[2]);
+            out += &format!("{},{current},{pressure}\n", values[0]);
+        }
+        out
+    };
+    let cases: [(&str, String, &str); 4] = [
+        ("short.csv", rows(60, &|i, p| (i, p)), "a diagnosis wants at least 200"),
+        ("still.csv", rows(900, &|_, p| (0.5, p)), "constant"),
+        ("milliampere.csv", rows(900, &|i, p| (1e3 * i, p)), "mA"),
+        ("blind.csv", String::from("time_s,current_a\n0,0.1\n0.01,0.2\n0.02,0.3\n"), "pressure_bar"),
+    ];
+    for (name, text, answer) in cases {
+        std::fs::write(bench.at(name), text).unwrap();
+        let arguments = ["diagnose", name, "--model", "valve.toml", "-o", "augmented.toml", "--report", "page.html"];
+        bench.hil(&arguments).code(3).stdout("").stderr(contains(answer));
+        assert!(!bench.at("augmented.toml").exists() && !bench.at("page.html").exists(), "{name} left something");
+    }
+}
