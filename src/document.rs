@@ -108,6 +108,8 @@ mod tests {
           |
         1 | delai = "20 ms"
           | ^^^^^
+          |
+          = help: did you mean `delay`?
         "#);
     }
 
