@@ -131,7 +131,8 @@ fn beyond(valve: &Valve, recording: &Recording) -> Option<String> {
     (count > 0).then(|| {
         let [low, high, least, most] = [low, high, least, most].map(|i| CURRENT.print(i));
         format!(
-            "{count} samples with a current outside of the model's {low} to {high} ({least} to {most}): extrapolated along a straight line"
+            "{count} sample{} with a current outside of the model's {low} to {high} ({least} to {most}): extrapolated along a straight line",
+            if count == 1 { "" } else { "s" }
         )
     })
 }
