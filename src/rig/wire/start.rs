@@ -148,6 +148,8 @@ impl WireRig {
                 }
                 Err(why) => last = why,
             }
+            // A late reply must not answer the next attempt.
+            self.driver.bus.recover(REGISTER_S);
         }
         Err(self.unreachable("the status cannot be read", &last))
     }
