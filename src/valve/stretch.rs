@@ -2,6 +2,9 @@
 //!
 //! T (the paper's P_t) is constant between reversals, so within a stretch no sample depends on another: the curve
 //! and the root are evaluated for a block of samples at once, and the compiler makes vector instructions of it.
+//! Where the current turns at every few samples there is nothing to evaluate at once, and what takes the time is the
+//! chain of operations from one turn to the next. There the gap to the curve is carried instead of the pressure:
+//! both curves then stand beside the chain, and only the root itself is in it.
 
 use super::hyperbola::Branch;
 use super::{Polynomial, ReferenceCurves};
@@ -66,8 +69,9 @@ fn stretches(curves: &ReferenceCurves, a_bar2: f64, start_bar: f64, current_a: &
         let (direction, curve) = if rising { (1.0, &curves.ascending) } else { (-1.0, &curves.descending) };
         let range = Extension { range_a: curves.range_a, slopes: curves.end_slopes_bar_per_a() };
         let branch = Branch::leaving_with(direction, range.at(curve, here), p, a_bar2, on_curve);
+        let short = end - k < SHORT;
         let (currents, pressures) = (&current_a[k + 1..=end], &mut pressure_bar[k + 1..=end]);
-        if currents.len() < SHORT {
+        if short {
             for (i, out) in currents.iter().zip(pressures) {
                 *out = branch.pressure(range.at(curve, *i));
             }
@@ -80,7 +84,58 @@ fn stretches(curves: &ReferenceCurves, a_bar2: f64, start_bar: f64, current_a: &
             }
         }
         k = end;
+        if short && k + 1 < n {
+            k = short_stretches(curves, range, -direction, a_bar2, on_curve, k, &current_a[..n], &mut pressure_bar[..n]);
+        }
     }
+}
+
+/// Continues from the turn at sample `k` with stretches shorter than `SHORT`, `direction` that of the first one, as
+/// long as the pressure is on the loop's side of the curve. Returns the sample up to which the pressures are filled.
+///
+/// With g' the gap at the turn and d the way that the curve goes from there, the hyperbola is g^2 - 2 h g = a with
+/// 2 h = g' - d - a / g'. At the next turn the gap to the other curve is the width of the loop less g.
+#[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "the state of one loop, split for the reader")]
+fn short_stretches(
+    curves: &ReferenceCurves,
+    range: Extension,
+    mut direction: f64,
+    a_bar2: f64,
+    on_curve: f64,
+    mut k: usize,
+    current_a: &[f64],
+    pressure_bar: &mut [f64],
+) -> usize {
+    let half_a = 0.5 * a_bar2;
+    let both = |i: f64| (range.at(&curves.ascending, i), range.at(&curves.descending, i));
+    let (ascending, descending) = both(current_a[k]);
+    let mut from = if direction > 0.0 { ascending } else { descending };
+    let mut turn_gap = direction * (pressure_bar[k] - from);
+    while turn_gap > on_curve {
+        let behind = half_a / turn_gap;
+        let mut end = k;
+        let (gap, ascending, descending) = loop {
+            if end + 1 == current_a.len() || end - k == SHORT || current_a[end + 1].is_nan() || current_a[end].is_nan() {
+                // A long stretch, or a gap: neither is for here, and both are taken from the turn on.
+                return k;
+            }
+            end += 1;
+            let (ascending, descending) = both(current_a[end]);
+            let curve = if direction > 0.0 { ascending } else { descending };
+            let half = 0.5 * (turn_gap - direction * (curve - from)) - behind;
+            let gap = half + (half * half + a_bar2).sqrt();
+            pressure_bar[end] = curve + direction * gap;
+            if end + 1 == current_a.len() || (current_a[end + 1] - current_a[end]) * direction < 0.0 {
+                break (gap, ascending, descending);
+            }
+        };
+        k = end;
+        direction = -direction;
+        from = if direction > 0.0 { ascending } else { descending };
+        turn_gap = (descending - ascending) - gap;
+    }
+    k
 }
 
 /// A curve with its linear continuation beyond the valid range.
@@ -177,6 +232,56 @@ mod tests {
             for (f, s) in fast.iter().zip(&slow) {
                 prop_assert!((f - s).abs() < 1e-7 * (1.0 + s.abs()), "{f} {s}");
             }
+        }
+    }
+
+    /// Steps of a current that turns often: small whole steps, so that samples repeat, and now and then a gap.
+    fn dense() -> impl Strategy<Value = Vec<f64>> {
+        let step =
+            prop_oneof![8 => (-9i32..10).prop_map(|k| Some(f64::from(k) * 0.02)), 8 => (-0.2f64..0.2).prop_map(Some), 1 => Just(None)];
+        (prop::collection::vec(step, 1..400), any::<bool>()).prop_map(|(steps, alternating)| {
+            let mut current = 0.5;
+            let mut path = vec![current];
+            for (k, step) in steps.into_iter().enumerate() {
+                let Some(step) = step else {
+                    path.push(f64::NAN);
+                    continue;
+                };
+                let step = if alternating { step.abs() * if k % 2 == 0 { 1.0 } else { -1.0 } } else { step };
+                current = (current + step).clamp(-0.1, 1.1);
+                path.push(current);
+            }
+            path
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn dense_reversals_agree_with_the_state(path in dense(), a in prop_oneof![Just(0.0), 1e-6f64..4.0], start in -40.0f64..80.0) {
+            let curves = paper();
+            let mut fast = vec![0.0; path.len()];
+            hyperbola_stretches(&curves, a, start, &path, &mut fast);
+            // The state forgets a gap; the stretches begin anew after it.
+            let mut state = HyperbolaState::start(a, path[0], start);
+            let mut before = path[0];
+            for (i, f) in path.iter().zip(&fast) {
+                if i.is_nan() || before.is_nan() {
+                    state = HyperbolaState::start(a, *i, state.pressure_bar());
+                }
+                let s = state.advance(&curves, *i);
+                prop_assert!((f - s).abs() < 1e-7 * (1.0 + s.abs()), "{f} {s}");
+                before = *i;
+            }
+        }
+
+        #[test]
+        fn the_bits_do_not_depend_on_the_processor(path in dense(), a in 0.0f64..4.0, start in -40.0f64..80.0) {
+            let curves = paper();
+            let (mut detected, mut plain) = (vec![0.0; path.len()], vec![0.0; path.len()]);
+            hyperbola_stretches(&curves, a, start, &path, &mut detected);
+            stretches(&curves, a, start, &path, &mut plain);
+            let bits = |p: &[f64]| p.iter().map(|p| p.to_bits()).collect::<Vec<_>>();
+            prop_assert_eq!(bits(&detected), bits(&plain));
         }
     }
 
