@@ -2,6 +2,8 @@
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use serde::de::DeserializeOwned;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 /// Largest document that is read [bytes]; a plan or a model is a few kilobytes.
 pub const MAX_BYTES: u64 = 4 << 20;
@@ -50,17 +52,59 @@ pub fn explain(text: &str, source_name: &str, error: &toml::de::Error) -> Docume
     if message == "invalid type: unit variant, expected newtype variant" {
         message = "a name with a table is wanted here\nwrite for instance `metric.rmse = {}`".into();
     }
+    // A person does not know the names of Rust's types.
+    for (theirs, ours) in
+        [("f64", "a number"), ("u64", "a whole number"), ("u32", "a whole number"), ("usize", "a whole number"), ("a map", "a table")]
+    {
+        if let Some(begin) = message.strip_suffix(&format!("expected {theirs}")) {
+            message = format!("{begin}expected {ours}");
+        }
+    }
     if message.ends_with("expected a string") && (message.contains("floating point") || message.contains("integer")) {
         message.push_str("\na number carries its unit, as text: \"0.5 bar\"");
     }
     underline(text, source_name, span, &message)
 }
 
+/// Where the value of a dotted key (`curve.range`) stands in the text. The tables of an array are looked through in
+/// their order.
+pub fn place(text: &str, key: &str) -> Option<std::ops::Range<usize>> {
+    fn within(value: &Spanned<DeValue<'_>>, path: &[&str]) -> Option<std::ops::Range<usize>> {
+        let Some((first, rest)) = path.split_first() else { return Some(value.span()) };
+        match value.get_ref() {
+            DeValue::Table(table) => within(table.get(*first)?, rest),
+            DeValue::Array(items) => items.iter().find_map(|item| within(item, path)),
+            _ => None,
+        }
+    }
+    let path: Vec<&str> = key.split('.').collect();
+    let root = DeTable::parse(text).ok()?;
+    within(root.get_ref().get(*path.first()?)?, &path[1..])
+}
+
+/// `key: problem` with the value of the key underlined, or without a place where the text has no such key.
+pub fn underline_key(text: &str, source_name: &str, key: &str, problem: &str) -> DocumentError {
+    match place(text, key) {
+        Some(span) => underline(text, source_name, span, &format!("{key}: {problem}")),
+        None => DocumentError(format!("{source_name}: {key}: {problem}")),
+    }
+}
+
+/// Where the value of a parameter comes from, if the underlined token is one (`"$high"`).
+fn parameter(text: &str, token: &str) -> Option<String> {
+    let name = token.trim_matches('"').strip_prefix('$')?;
+    let span = place(text, &format!("parameters.{name}"))?;
+    let line = 1 + text[..span.start].matches('\n').count();
+    Some(format!("`${name}` is a parameter: line {line}, or --set {name}=.."))
+}
+
 /// The message with the place in the text underlined, in plain text without colours.
 pub fn underline(text: &str, source_name: &str, span: std::ops::Range<usize>, message: &str) -> DocumentError {
     let mut lines = message.lines();
     let title = lines.next().unwrap_or("wrong");
-    let rest: Vec<&str> = lines.collect();
+    let mut rest: Vec<&str> = lines.collect();
+    let parameter = text.get(span.clone()).and_then(|token| parameter(text, token));
+    rest.extend(parameter.as_deref());
     // A span over many lines (a whole table) is shown at its first line.
     let end = text[span.start.min(text.len())..].find('\n').map_or(text.len(), |n| span.start + n);
     let span = span.start.min(text.len())..span.end.min(end).max(span.start.min(text.len()));
@@ -110,6 +154,29 @@ mod tests {
           | ^^^^^
           |
           = help: did you mean `delay`?
+        "#);
+    }
+
+    #[test]
+    fn a_key_is_found_in_tables_and_in_arrays_of_tables() {
+        let text = "a.b = 1\n[[effect]]\ncreep = { gain = \"1 %\" }\n[[effect]]\nlag.tau = \"2 s\"\n";
+        let found = |key: &str| place(text, key).map(|span| &text[span]);
+        assert_eq!(found("a.b"), Some("1"));
+        assert_eq!(found("effect.lag.tau"), Some("\"2 s\""));
+        assert_eq!(found("effect.lag.nothing"), None);
+    }
+
+    #[test]
+    fn a_parameter_is_traced_to_its_line() {
+        let text = "[parameters]\nrise = \"400\"\n\n[x]\nover = \"$rise\"\n";
+        insta::assert_snapshot!(underline(text, "x.toml", place(text, "x.over").unwrap(), "no unit").0, @r#"
+        no unit
+         --> x.toml:5:8
+          |
+        5 | over = "$rise"
+          |        ^^^^^^^
+          |
+          = help: `$rise` is a parameter: line 2, or --set rise=..
         "#);
     }
 

@@ -111,7 +111,9 @@ impl Limit {
         }
         let rising = [("min", self.min), ("marginal_min", self.marginal_min), ("marginal_max", self.marginal_max), ("max", self.max)];
         let given: Vec<(&'static str, f64)> = rising.into_iter().filter_map(|(key, value)| value.map(|v| (key, v))).collect();
-        match given.windows(2).find(|w| w[0].1 > w[1].1) {
+        // The outer bounds first: they are the mistake where everything is crossed.
+        let outer = self.min.zip(self.max).map(|(min, max)| [("min", min), ("max", max)]);
+        match outer.iter().map(|w| w.as_slice()).chain(given.windows(2)).find(|w| w[0].1 > w[1].1) {
             Some(w) => Err(LimitError::Crossed { low: w[0].0, low_value: w[0].1, high: w[1].0, high_value: w[1].1 }),
             None => Ok(()),
         }

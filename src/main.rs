@@ -3,6 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    // A panic is a bug; its message is already on stderr.
-    ExitCode::from(std::panic::catch_unwind(hil::cli::main).unwrap_or(hil::cli::exit::INTERNAL))
+    ExitCode::from(hil::cli::guarded(hil::cli::main))
 }

@@ -4,10 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::run::believed;
+use super::run::{believed, checked_valve};
 use super::{CliError, CliResult, exit};
 use crate::document::{self, nearest};
-use crate::physics::resolve;
 use crate::plan::{LIMITS_SCHEMA, LimitsFile, Plan};
 use crate::rig::profile::Profile;
 use crate::runner::Prepared;
@@ -105,10 +104,7 @@ fn plan(path: &Path) -> Result<String, CliError> {
 }
 
 fn valve(path: &Path) -> Result<String, CliError> {
-    let valve = Valve::load(path).map_err(CliError::input)?;
-    for effect in &valve.effects {
-        resolve(effect).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
-    }
+    let valve = checked_valve(path)?;
     let (low, high) = valve.curves.range_a;
     let (bottom, top) = valve.curves.pressure_range_bar();
     let effects = if valve.effects.is_empty() { String::new() } else { format!(", {} effects", valve.effects.len()) };

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::diagnose::{Diagnosed, Verdict, diagnose, story};
 use crate::physics::EFFECTS;
@@ -57,7 +58,7 @@ enum Format {
 /// Diagnoses, writes what was asked for, prints.
 pub fn run(args: &DiagnoseArgs) -> CliResult {
     let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
-    let mut valve = Valve::find(&args.model).and_then(|path| Valve::load(&path)).map_err(CliError::input)?;
+    let mut valve = checked_valve(&Valve::find(&args.model).map_err(CliError::input)?)?;
     for part in &args.without {
         take_out(&mut valve, part)?;
     }

@@ -184,7 +184,16 @@ enum Command {
     #[command(after_help = "Example:\n  hil schema valve > valve.schema.json")]
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
+    #[command(after_help = "Example:\n  hil completions bash > ~/.local/share/bash-completion/completions/hil")]
     Completions(completions::CompletionsArgs),
+}
+
+/// Runs the program; a panic, which is a bug, ends it with [`exit::INTERNAL`] and says so.
+pub fn guarded(program: impl FnOnce() -> u8 + std::panic::UnwindSafe) -> u8 {
+    std::panic::catch_unwind(program).unwrap_or_else(|_| {
+        note("error: this is a bug in hil; the message above says where. Please report it with the command line and its files.");
+        exit::INTERNAL
+    })
 }
 
 /// Runs the command line and returns the exit code.
@@ -244,5 +253,16 @@ pub fn to_json(value: &impl serde::Serialize) -> Result<String, CliError> {
     match serde_json::to_string_pretty(value) {
         Ok(text) => Ok(text + "\n"),
         Err(error) => Err(CliError { code: exit::INTERNAL, message: error.to_string() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_internal_error() {
+        assert_eq!(guarded(|| exit::NEGATIVE), exit::NEGATIVE);
+        assert_eq!(guarded(|| panic!("on purpose")), exit::INTERNAL);
     }
 }

@@ -10,6 +10,8 @@ use sha2::{Digest, Sha256};
 use super::on_wire::{self, WireArgs};
 use super::progress::Bar;
 use super::{CliError, CliResult, exit, run_folder};
+use crate::document;
+use crate::physics::{PhysicsError, resolve};
 use crate::plan::{LimitsFile, Override, Plan};
 use crate::record::{Dut, Outcome, Provenance, TestRecord, Trace};
 use crate::report;
@@ -20,11 +22,12 @@ use crate::valve::Valve;
 
 /// Arguments of `hil run`.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("rig").required(true).args(["sim", "driver"])))]
 pub struct RunArgs {
     /// Plan file.
     pub plan: PathBuf,
     /// Run on a simulated valve.
-    #[arg(long, required_unless_present = "driver")]
+    #[arg(long)]
     pub sim: bool,
     /// Driver and line.
     #[command(flatten)]
@@ -133,7 +136,7 @@ fn dut(args: &RunArgs, valve: &Valve) -> Dut {
 /// The valve file behind a path or a bare name, with its warnings on stderr.
 pub fn load_valve(name: &str) -> Result<(Valve, PathBuf), CliError> {
     let path = Valve::find(name).map_err(CliError::input)?;
-    let valve = Valve::load(&path).map_err(CliError::input)?;
+    let valve = checked_valve(&path)?;
     for warning in valve.warnings() {
         super::note(&format!("warning: {warning}"));
     }
@@ -147,9 +150,28 @@ pub fn believed(plan: &Plan, valve: &Valve) -> Result<Valve, CliError> {
         Some(name) => {
             let beside = plan.folder().join(name);
             let path = if beside.is_file() { beside } else { Valve::find(name).map_err(CliError::input)? };
-            Valve::load(&path).map_err(CliError::input)
+            checked_valve(&path)
         }
     }
+}
+
+/// The valve file at a path, with its effects known to be ones that the physics has.
+pub fn checked_valve(path: &Path) -> Result<Valve, CliError> {
+    let valve = Valve::load(path).map_err(CliError::input)?;
+    for effect in &valve.effects {
+        if let Err(error) = resolve(effect) {
+            let mut key = format!("effect.{}", effect.id);
+            if let PhysicsError::UnknownParameter { name, .. }
+            | PhysicsError::Quantity { name, .. }
+            | PhysicsError::OutOfRange { name, .. } = &error
+            {
+                key = format!("{key}.{name}");
+            }
+            let text = document::read(path).map_err(CliError::input)?;
+            return Err(CliError::input(document::underline_key(&text, &path.display().to_string(), &key, &error.to_string())));
+        }
+    }
+    Ok(valve)
 }
 
 /// The exit code of an outcome.

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::physics;
 use crate::recording::{Format, Mapping, Recording, Run};
@@ -70,7 +71,7 @@ pub fn run(args: &SimulateArgs) -> CliResult {
         Format::of(path).map_err(CliError::usage)?;
     }
     let map = args.map.iter().map(|text| Mapping::parse(text)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
-    let valve = Valve::find(&args.model).and_then(|path| Valve::load(&path)).map_err(CliError::input)?;
+    let valve = checked_valve(&Valve::find(&args.model).map_err(CliError::input)?)?;
     let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
     let mut messages = anstream::stderr();
     for note in recording.notes.iter().map(|n| format!("note: {}: {n}", recording.source)) {

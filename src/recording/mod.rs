@@ -144,6 +144,9 @@ impl Recording {
     /// What cannot be read is refused with its line or row and its column, see [`RecordingError`].
     pub fn read(path: &Path, map: &[Mapping]) -> Result<Self, RecordingError> {
         let file = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
+        if path.is_dir() {
+            return Err(RecordingError::format(&file, "is a directory; a recording is wanted"));
+        }
         let rows = match Format::of(path)? {
             Format::Csv => csv::read(path, &file, map)?,
             Format::Parquet => parquet::read(path, &file, map)?,

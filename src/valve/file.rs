@@ -151,18 +151,26 @@ impl Valve {
 
     /// Reads the text of a valve file; `source_name` stands in the messages.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ValveError> {
+        let underlined = |key: &str, problem: &str| ValveError::Syntax(document::underline_key(text, source_name, key, problem).0);
+        // A file of another kind is not refused for its first strange key.
+        match text.parse::<toml::Table>().ok().as_ref().map(|table| table.get("schema")) {
+            Some(Some(toml::Value::String(schema))) if schema == SCHEMA => {}
+            Some(Some(other)) => return Err(underlined("schema", &format!("is {other}; a valve file has \"{SCHEMA}\""))),
+            Some(None) => return Err(underlined("schema", &format!("is missing; a valve file has \"{SCHEMA}\""))),
+            None => {}
+        }
         let file: ValveFile = document::parse(text, source_name).map_err(|e| ValveError::Syntax(e.0))?;
-        Self::from_file(file, source_name)
+        Self::from_file(file, source_name).map_err(|e| match e {
+            ValveError::Value { key, problem, .. } => underlined(&key, &problem),
+            other => other,
+        })
     }
 
     fn from_file(file: ValveFile, source_name: &str) -> Result<Self, ValveError> {
         let wrong = |key: &str, problem: String| ValveError::Value { file: source_name.into(), key: key.into(), problem };
-        if file.schema != SCHEMA {
-            return Err(wrong("schema", format!("is `{}`; a valve file has `{SCHEMA}`", file.schema)));
-        }
         let limits_a = (file.current_limits.0.value(), file.current_limits.1.value());
         if limits_a.0 >= limits_a.1 {
-            return Err(wrong("current_limits", format!("{} A is not below {} A", limits_a.0, limits_a.1)));
+            return Err(wrong("current_limits", format!("{} A is not below {} A; the smaller one stands first", limits_a.0, limits_a.1)));
         }
         for (key, coefficients) in [("curve.ascending", &file.curve.ascending), ("curve.descending", &file.curve.descending)] {
             if coefficients.len() < 2 || coefficients.len() > 13 {
@@ -177,7 +185,7 @@ impl Valve {
             Some((low, high)) if low.value() < high.value() => {
                 ReferenceCurves::on_range(ascending, descending, (low.value(), high.value()))
             }
-            Some((low, high)) => return Err(wrong("curve.range", format!("{low} is not below {high}"))),
+            Some((low, high)) => return Err(wrong("curve.range", format!("{low} is not below {high}; the smaller one stands first"))),
             None => ReferenceCurves::new(ascending, descending, limits_a).map_err(|e| match e {
                 ValveError::Value { key, problem, .. } => wrong(&key, problem),
                 other => other,
@@ -186,18 +194,29 @@ impl Valve {
         let hysteresis = match file.hysteresis {
             HysteresisFile::None => Hysteresis::None,
             HysteresisFile::Hyperbolic { a } if a.value() >= 0.0 => Hysteresis::Hyperbolic { a_bar2: a.value() },
-            HysteresisFile::Hyperbolic { a } => return Err(wrong("hysteresis.hyperbolic.a", format!("{a} is negative"))),
+            HysteresisFile::Hyperbolic { a } => {
+                return Err(wrong("hysteresis.hyperbolic.a", format!("{a} is negative; 0 bar^2 or more is allowed")));
+            }
         };
         let seconds = |key: &str, value: Option<Time>| match value.map_or(0.0, Time::value) {
             s if (0.0..=MAX_TIME_S).contains(&s) => Ok(s),
-            s => Err(wrong(key, format!("{s} s is outside 0 s to {MAX_TIME_S} s"))),
+            s => Err(wrong(key, format!("{s} s is not allowed; 0 s to {MAX_TIME_S} s is"))),
         };
         let delay_s = seconds("delay", file.delay)?;
         let delay_range_s = match file.delay_range {
             None => (delay_s, delay_s),
             Some((low, high)) if 0.0 <= low.value() && low.value() <= delay_s && delay_s <= high.value() => (low.value(), high.value()),
-            Some((low, high)) => return Err(wrong("delay_range", format!("{low} to {high} does not hold the delay of {delay_s} s"))),
+            Some((low, high)) => {
+                return Err(wrong(
+                    "delay_range",
+                    format!("{low} to {high} does not hold the delay of {delay_s} s; the smaller one stands first"),
+                ));
+            }
         };
+        let noise_bar = file.noise.map_or(0.0, Pressure::value);
+        if noise_bar < 0.0 {
+            return Err(wrong("noise", format!("{noise_bar} bar is negative; a standard deviation of 0 bar or more is allowed")));
+        }
         let effects = file.effect.into_iter().flatten().map(|(id, p)| EffectSpec { id, parameters: p.into_iter().collect() }).collect();
         Ok(Self {
             name: file.name,
@@ -209,7 +228,7 @@ impl Valve {
             lag_s: seconds("lag", file.lag)?,
             current_limits_a: limits_a,
             floor_bar: file.floor.map(Pressure::value),
-            noise_bar: file.noise.map_or(0.0, Pressure::value).max(0.0),
+            noise_bar,
             effects,
             identification: file.identification,
         })
@@ -297,10 +316,35 @@ first_order_lag = { tau = "45 ms" }
     #[test]
     fn what_is_wrong_is_said_with_its_key() {
         let wrong = |from: &str, to: &str| Valve::from_toml(&PAPER.replace(from, to), "paper.toml").unwrap_err().to_string();
-        insta::assert_snapshot!(wrong("hil.valve/1", "hil.plan/1"), @"paper.toml: schema: is `hil.plan/1`; a valve file has `hil.valve/1`");
-        insta::assert_snapshot!(wrong("\"10 ms\"", "\"25 ms\""), @"paper.toml: delay_range: 0.025 s to 0.03 s does not hold the delay of 0.02 s");
-        insta::assert_snapshot!(wrong("0.8 bar^2", "-1 bar^2"), @"paper.toml: hysteresis.hyperbolic.a: -1 bar^2 is negative");
-        insta::assert_snapshot!(wrong("[\"0 A\", \"1 A\"]", "[\"1 A\", \"0 A\"]"), @"paper.toml: current_limits: 1 A is not below 0 A");
+        insta::assert_snapshot!(wrong("hil.valve/1", "hil.plan/1"), @r#"
+        schema: is "hil.plan/1"; a valve file has "hil.valve/1"
+         --> paper.toml:2:10
+          |
+        2 | schema = "hil.plan/1"
+          |          ^^^^^^^^^^^^
+        "#);
+        insta::assert_snapshot!(wrong("\"10 ms\"", "\"25 ms\""), @r#"
+        delay_range: 0.025 s to 0.03 s does not hold the delay of 0.02 s; the smaller one stands first
+         --> paper.toml:7:15
+          |
+        7 | delay_range = ["25 ms", "30 ms"]
+          |               ^^^^^^^^^^^^^^^^^^
+        "#);
+        insta::assert_snapshot!(wrong("0.8 bar^2", "-1 bar^2"), @r#"
+        hysteresis.hyperbolic.a: -1 bar^2 is negative; 0 bar^2 or more is allowed
+         --> paper.toml:5:27
+          |
+        5 | hysteresis.hyperbolic.a = "-1 bar^2"
+          |                           ^^^^^^^^^^
+        "#);
+        insta::assert_snapshot!(wrong("[\"0 A\", \"1 A\"]", "[\"1 A\", \"0 A\"]"), @r#"
+        current_limits: 1 A is not below 0 A; the smaller one stands first
+         --> paper.toml:4:18
+          |
+        4 | current_limits = ["1 A", "0 A"]
+          |                  ^^^^^^^^^^^^^^
+        "#);
+        insta::assert_snapshot!(wrong("schema = \"hil.valve/1\"", ""), @r#"paper.toml: schema: is missing; a valve file has "hil.valve/1""#);
     }
 
     proptest! {

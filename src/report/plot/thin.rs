@@ -1,5 +1,7 @@
 //! Thins a long trace to what a screen can show, without losing its extremes.
 
+use std::collections::HashSet;
+
 /// Width of the plot area in whole coordinates.
 pub(super) const WIDTH: i32 = 20_000;
 /// Height of the plot area in whole coordinates.
@@ -10,14 +12,22 @@ const COLUMNS: i32 = 2_400;
 /// A point in whole coordinates; `None` is a gap in the line.
 pub(super) type Point = Option<(i32, i32)>;
 
+/// Points of a loop above which it is not drawn twice over itself.
+const CROWDED: usize = 10_000;
+
 /// Keeps the first, lowest, highest and last point of every pixel column of a trace whose x never falls.
-/// Any other trace (a loop) loses the points that lie within a third of a pixel of the one before.
+/// Any other trace (a loop) loses the points that lie within a third of a pixel of the one before, and, where many
+/// are left, the strokes over places that are drawn already: a day of samples makes no larger page than an hour.
 pub(super) fn thin(points: &[Point]) -> Vec<Point> {
     let solid: Vec<(i32, i32)> = points.iter().flatten().copied().collect();
     if solid.len() <= COLUMNS as usize {
         return points.to_vec();
     }
-    if solid.windows(2).all(|w| w[0].0 <= w[1].0) { by_column(points) } else { by_distance(points) }
+    if solid.windows(2).all(|w| w[0].0 <= w[1].0) {
+        return by_column(points);
+    }
+    let kept = by_distance(points);
+    if kept.len() <= CROWDED { kept } else { not_twice(&kept) }
 }
 
 fn by_column(points: &[Point]) -> Vec<Point> {
@@ -82,6 +92,40 @@ fn by_distance(points: &[Point]) -> Vec<Point> {
     kept
 }
 
+/// Leaves out the strokes that end on a spot where a stroke ended before, unless they are the first between two
+/// spots that lie apart.
+fn not_twice(points: &[Point]) -> Vec<Point> {
+    const SPOT: i32 = WIDTH / COLUMNS;
+    let spot = |p: (i32, i32)| (p.0 / SPOT, p.1 / SPOT);
+    let (mut spots, mut strokes) = (HashSet::new(), HashSet::new());
+    let (mut kept, mut pen, mut before): (Vec<Point>, Point, Point) = (Vec::new(), None, None);
+    for point in points {
+        let (Some(from), Some(to)) = (before, *point) else {
+            // The begin of a line, or a gap in it.
+            before = *point;
+            spots.extend(point.map(spot));
+            continue;
+        };
+        before = *point;
+        let (a, b) = (spot(from), spot(to));
+        let near = (a.0 - b.0).abs().max((a.1 - b.1).abs()) <= 1;
+        let new_spot = spots.insert(b);
+        let new_stroke = !near && strokes.insert((a.min(b), a.max(b)));
+        if !(new_spot || new_stroke) {
+            continue;
+        }
+        if pen != Some(from) {
+            if !kept.is_empty() {
+                kept.push(None);
+            }
+            kept.push(Some(from));
+        }
+        kept.push(Some(to));
+        pen = Some(to);
+    }
+    kept
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +143,17 @@ mod tests {
     fn a_gap_stays_a_gap() {
         let points: Vec<Point> = (0..10_000).map(|n| if (4_000..5_000).contains(&n) { None } else { Some((2 * n, n % 7)) }).collect();
         assert_eq!(thin(&points).iter().filter(|p| p.is_none()).count(), 1);
+    }
+
+    #[test]
+    fn a_loop_that_is_run_through_again_and_again_is_drawn_once() {
+        let turn = |n: i32| f64::from(n % 3600).to_radians() / 10.0;
+        let ring = |n: i32| Some((10_000 + (9_000.0 * turn(n).cos()) as i32, 5_000 + (4_000.0 * turn(n).sin()) as i32));
+        let (once, often) = (thin(&(0..3_600).map(ring).collect::<Vec<_>>()), thin(&(0..360_000).map(ring).collect::<Vec<_>>()));
+        assert!(often.len() <= once.len() + 10, "{} {}", often.len(), once.len());
+        // A jump between two places is drawn, and once.
+        let jumps: Vec<Point> = (0..40_000).map(|n| Some(if n % 2 == 0 { (100, 100) } else { (9_000, 5_000) })).collect();
+        assert_eq!(thin(&jumps), vec![jumps[0], jumps[1]]);
     }
 
     #[test]
