@@ -117,6 +117,12 @@ pub trait Effect: Sync {
         Vec::new()
     }
 
+    /// What the signature of the effect in the residual says for it beyond the fit, where the course of the effect does
+    /// not repeat and no free simulation can follow it [nats].
+    fn signature_nats(&self, _: &Hint<'_>) -> f64 {
+        0.0
+    }
+
     /// For an effect of the scatter: whether its signature is in the recording.
     fn scatter(&self, _: &Scatter<'_>) -> Option<ScatterFinding> {
         None
@@ -198,6 +204,10 @@ pub struct Hint<'a> {
     pub start_s: f64,
     /// Time step [s].
     pub dt_s: f64,
+    /// Command [A].
+    pub current_a: &'a [f64],
+    /// Dead time and lag between command and pressure [s].
+    pub delay_s: f64,
     /// Measured minus simulated [bar]; NaN where not measured.
     pub residual_bar: &'a [f64],
     /// Simulated [bar].

@@ -42,7 +42,7 @@ impl Effect for FirstOrderLag {
                 name: "exponent",
                 unit: &RATIO,
                 range: (0.4, 1.0),
-                starts: &[1.0],
+                starts: &[1.0, 0.5],
                 default: Some(1.0),
                 meaning: "1 laminar, 1/2 orifice",
             },

@@ -2,8 +2,9 @@
 //!
 //! What it is: the flow through the valve limits how fast the pressure can change.
 //!
-//! Model: |dy/dt| <= rise going up and <= fall going down, with the limit scaled by (|u - y| / 10 bar)^shape: 0 is a
-//! constant limit, 1/2 an orifice.
+//! Model: |dy/dt| <= rise going up and <= fall going down. Flow from a supply S and to the tank through orifices falls
+//! with the counter-pressure: rise scales with (1 - y / S)^shape, fall with (4 y / S)^shape, S = 1.5 times the pressures
+//! that the curves span. A shape of 0 is a constant limit (a pump), 1/2 orifices.
 //!
 //! Signature: large steps become ramps of one slope; small movements are untouched.
 //!
@@ -51,20 +52,31 @@ impl Effect for FlowLimit {
                 range: (0.0, 0.7),
                 starts: &[0.0],
                 default: Some(0.0),
-                meaning: "growth of the limit with the pressure difference",
+                meaning: "dependence of the limits on the counter-pressure",
             },
         ];
         &PARAMETERS
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Limit { rise: theta[0] * context.dt_s, fall: theta[1] * context.dt_s, shape: theta[2], output: 0.0 })
+        let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
+        Box::new(Limit {
+            rise: theta[0] * context.dt_s,
+            fall: theta[1] * context.dt_s,
+            shape: theta[2],
+            per_supply: 1.0 / (1.5 * span_bar),
+            output: 0.0,
+        })
     }
 }
+
+/// Least share of the supply's pressure that still drives: a flow never ends before its target is reached.
+const LEAST_SHARE: f64 = 0.02;
 
 struct Limit {
     rise: f64,
     fall: f64,
     shape: f64,
+    per_supply: f64,
     output: f64,
 }
 
@@ -75,8 +87,9 @@ impl Block for Limit {
     #[inline]
     fn step(&mut self, _: f64, input: f64) -> f64 {
         let wanted = input - self.output;
-        let scale = if self.shape > 0.0 { (0.1 * wanted.abs()).powf(self.shape) } else { 1.0 };
-        self.output += wanted.clamp(-self.fall * scale, self.rise * scale);
+        let level = self.output * self.per_supply;
+        let scale = |share: f64| if self.shape > 0.0 { share.max(LEAST_SHARE).powf(self.shape) } else { 1.0 };
+        self.output += if wanted > 0.0 { wanted.min(self.rise * scale(1.0 - level)) } else { wanted.max(-self.fall * scale(4.0 * level)) };
         self.output
     }
 }

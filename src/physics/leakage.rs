@@ -2,7 +2,8 @@
 //!
 //! What it is: oil leaks from the clutch line, so that the pressure reached is lower, the more the higher it is.
 //!
-//! Model: P = P0 - loss (P0 / 10 bar)^exponent.
+//! Model: P = P0 - q, where q follows loss (P0 / 10 bar)^exponent with the time constant `build` of the volume behind
+//! the valve's own resistance.
 //!
 //! Signature: a droop that grows with the pressure, from zero at zero, alike up and down and in holds; an exponent
 //! near 1 is laminar (a worn seal), towards 2 an orifice against the valve's own flow gain.
@@ -12,7 +13,8 @@
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, sections 3.2 and 3.3 (laminar and orifice flow).
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
-use crate::units::{PRESSURE, RATIO};
+use super::linear::FirstOrder;
+use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `leakage`.
 pub struct Leakage;
@@ -28,7 +30,7 @@ impl Effect for Leakage {
         Stage::Curve
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 2] = [
+        static PARAMETERS: [Parameter; 3] = [
             Parameter {
                 name: "loss",
                 unit: &PRESSURE,
@@ -45,23 +47,42 @@ impl Effect for Leakage {
                 default: Some(1.0),
                 meaning: "growth of the loss with the pressure",
             },
+            Parameter {
+                name: "build",
+                unit: &TIME,
+                range: (0.0, 2.0),
+                starts: &[0.02, 0.2],
+                default: Some(0.0),
+                meaning: "time constant with which the loss follows",
+            },
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, _: &Context) -> Box<dyn Block> {
-        Box::new(Leak { loss: theta[0], exponent: theta[1] })
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+        Box::new(Leak { loss: theta[0], exponent: theta[1], lost: FirstOrder::new(theta[2], context.dt_s) })
     }
 }
 
 struct Leak {
     loss: f64,
     exponent: f64,
+    lost: FirstOrder,
+}
+
+impl Leak {
+    fn at(&self, pressure: f64) -> f64 {
+        if pressure > 0.0 { self.loss * (pressure * 0.1).powf(self.exponent) } else { 0.0 }
+    }
 }
 
 impl Block for Leak {
-    fn start(&mut self, _: f64, _: f64) {}
+    fn start(&mut self, _: f64, input: f64) {
+        let settled = self.at(input);
+        self.lost.start(settled);
+    }
     #[inline]
     fn step(&mut self, _: f64, input: f64) -> f64 {
-        if input > 0.0 { input - self.loss * (input * 0.1).powf(self.exponent) } else { input }
+        let now = self.at(input);
+        input - self.lost.step(now)
     }
 }

@@ -27,6 +27,7 @@ mod sensor_drift;
 mod sensor_lag;
 mod sensor_outliers;
 mod sensor_quantization;
+mod staircase;
 mod stiction;
 mod supply_saturation;
 mod transport_delay;

@@ -106,7 +106,7 @@ impl<'a> Pipeline<'a> {
         let context = self.context(start_s, dt_s, None);
         self.current_stages(&context, current_a, work);
         pressure_bar.resize(current_a.len(), 0.0);
-        self.static_curve(work, pressure_bar);
+        self.static_curve(0.5, work, pressure_bar);
         self.pressure_stages(&context, work, pressure_bar);
     }
 
@@ -122,11 +122,13 @@ impl<'a> Pipeline<'a> {
         }
     }
 
-    /// The static curve with its hysteresis, from the average curve as its start.
-    pub fn static_curve(&self, current_a: &[f64], pressure_bar: &mut [f64]) {
+    /// The static curve with its hysteresis. `start_share` is where the valve stands at first: 0 on the ascending curve,
+    /// 1/2 on the average, 1 on the descending.
+    pub fn static_curve(&self, start_share: f64, current_a: &[f64], pressure_bar: &mut [f64]) {
         match (self.hysteresis, current_a.first()) {
             (Hysteresis::Hyperbolic { a_bar2 }, Some(first)) => {
-                hyperbola_stretches(self.curves, a_bar2, self.curves.average_at(*first), current_a, pressure_bar);
+                let (low, high) = (self.curves.ascending_at(*first), self.curves.descending_at(*first));
+                hyperbola_stretches(self.curves, a_bar2, low + start_share * (high - low), current_a, pressure_bar);
             }
             _ => {
                 for (i, p) in current_a.iter().zip(pressure_bar) {

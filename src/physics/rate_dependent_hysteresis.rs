@@ -2,8 +2,9 @@
 //!
 //! What it is: the loop widens with the speed of the current.
 //!
-//! Model: P = P0 - width * r^exponent sgn(i'), r = |i'| / (1 A/s), with i' the rate of the current at the curve,
-//! smoothed over `memory`; at rest the widening is gone after that time.
+//! Model: P = P0 - q. While the current moves, the lost pressure q goes to width r^exponent in the direction of the
+//! movement, r = |i'| / (1 A/s) with i' smoothed over `memory`; it gets there within a travel of `length` and stays
+//! at rest (Dahl), or with `length` 0 it is there at once, and gone at rest.
 //!
 //! Signature: loop width over rate at constant amplitude; unlike a lag, the error does not depend on how long the
 //! ramp has lasted, and it is gone once the current rests.
@@ -14,7 +15,7 @@
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
-use crate::units::{PRESSURE, RATIO, TIME};
+use crate::units::{CURRENT, PRESSURE, RATIO, TIME};
 
 /// The effect `rate_dependent_hysteresis`.
 pub struct RateDependentHysteresis;
@@ -30,7 +31,7 @@ impl Effect for RateDependentHysteresis {
         Stage::Static
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 3] = [
+        static PARAMETERS: [Parameter; 4] = [
             Parameter {
                 name: "width",
                 unit: &PRESSURE,
@@ -48,6 +49,14 @@ impl Effect for RateDependentHysteresis {
                 meaning: "growth of the widening with the rate",
             },
             Parameter {
+                name: "length",
+                unit: &CURRENT,
+                range: (0.0, 0.1),
+                starts: &[0.0, 0.008],
+                default: Some(0.0),
+                meaning: "travel over which the friction builds up and that it keeps at rest; 0: at once, and none at rest",
+            },
+            Parameter {
                 name: "memory",
                 unit: &TIME,
                 range: (0.002, 0.5),
@@ -62,9 +71,12 @@ impl Effect for RateDependentHysteresis {
         Box::new(Widening {
             width: theta[0],
             exponent: theta[1],
+            per_length: 1.0 / theta[2].max(1e-6),
+            at_once: theta[2] < 1e-5,
             per_step: 1.0 / context.dt_s,
-            rate: FirstOrder::new(theta[2], context.dt_s),
+            rate: FirstOrder::new(theta[3], context.dt_s),
             last: 0.0,
+            lost: 0.0,
         })
     }
 }
@@ -72,26 +84,33 @@ impl Effect for RateDependentHysteresis {
 struct Widening {
     width: f64,
     exponent: f64,
+    per_length: f64,
+    at_once: bool,
     per_step: f64,
     rate: FirstOrder,
     last: f64,
+    lost: f64,
 }
 
 impl Block for Widening {
     fn start(&mut self, current_a: f64, _: f64) {
-        self.last = current_a;
+        (self.last, self.lost) = (current_a, 0.0);
         self.rate.start(0.0);
     }
     #[inline]
     fn step(&mut self, current_a: f64, input: f64) -> f64 {
-        let rate = self.rate.step((current_a - self.last) * self.per_step);
+        let travel = current_a - self.last;
+        let rate = self.rate.step(travel * self.per_step);
         self.last = current_a;
         // Below a thousandth of an ampere per second the current rests.
         let size = rate.abs();
-        if size < 1e-3 {
-            input - self.width * 1e-3f64.powf(self.exponent - 1.0) * rate
-        } else {
-            input - self.width * size.powf(self.exponent) * rate.signum()
+        let level = self.width * if size < 1e-3 { 1e3 * size * 1e-3f64.powf(self.exponent) } else { size.powf(self.exponent) };
+        if self.at_once {
+            self.lost = level.copysign(rate);
+        } else if travel != 0.0 {
+            let goal = level.copysign(travel);
+            self.lost = goal + (self.lost - goal) * (-travel.abs() * self.per_length).exp();
         }
+        input - self.lost
     }
 }

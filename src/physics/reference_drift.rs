@@ -49,7 +49,7 @@ impl Effect for ReferenceDrift {
             Parameter {
                 name: "tau",
                 unit: &TIME,
-                range: (5.0, 2000.0),
+                range: (12.0, 2000.0),
                 starts: &[1000.0, 30.0],
                 default: Some(2000.0),
                 meaning: "time constant of the change",

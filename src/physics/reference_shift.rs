@@ -3,9 +3,10 @@
 //! What it is: the curves are not where the identification found them: another temperature, another valve of the
 //! batch, a changed spring.
 //!
-//! Model: P = P0 (1 + gain) + offset, from the time `from` on.
+//! Model: P = P0 (1 + gain) + offset + 4 bend z (1 - z), z = P0 / (span of the curves), from the time `from` on. The
+//! bend is what a shift of the current (a spring seat that has set) adds where the curves are no straight lines.
 //!
-//! Signature: the error is a straight line over the pressure and does not depend on rate, direction or time (or
+//! Signature: the error is nearly a straight line over the pressure and does not depend on rate, direction or time (or
 //! only on whether it is before or after one instant).
 //!
 //! What to check on the bench: oil temperature against that of the identification; repeat the sweep.
@@ -29,7 +30,7 @@ impl Effect for ReferenceShift {
         Stage::Curve
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 3] = [
+        static PARAMETERS: [Parameter; 4] = [
             Parameter {
                 name: "gain",
                 unit: &RATIO,
@@ -54,11 +55,26 @@ impl Effect for ReferenceShift {
                 default: Some(0.0),
                 meaning: "time of the change since the start of the recording",
             },
+            Parameter {
+                name: "bend",
+                unit: &PRESSURE,
+                range: (-0.5, 0.5),
+                starts: &[0.0],
+                default: Some(0.0),
+                meaning: "change in the middle of the pressures beyond the straight line",
+            },
         ];
         &PARAMETERS
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Shift { gain: theta[0], offset: theta[1], wait: ((theta[2] - context.start_s) / context.dt_s).ceil() as i64 })
+        let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
+        Box::new(Shift {
+            gain: theta[0],
+            offset: theta[1],
+            wait: ((theta[2] - context.start_s) / context.dt_s).ceil() as i64,
+            bend: 4.0 * theta[3],
+            per_span: 1.0 / span_bar,
+        })
     }
 }
 
@@ -66,6 +82,8 @@ struct Shift {
     gain: f64,
     offset: f64,
     wait: i64,
+    bend: f64,
+    per_span: f64,
 }
 
 impl Block for Shift {
@@ -76,6 +94,7 @@ impl Block for Shift {
             self.wait -= 1;
             return input;
         }
-        input + self.gain * input + self.offset
+        let level = input * self.per_span;
+        input + self.gain * input + self.offset + self.bend * level * (1.0 - level)
     }
 }

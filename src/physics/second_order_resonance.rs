@@ -41,7 +41,7 @@ impl Effect for SecondOrderResonance {
             Parameter {
                 name: "damping",
                 unit: &RATIO,
-                range: (0.01, 0.8),
+                range: (0.04, 0.8),
                 starts: &[0.1, 0.35],
                 default: None,
                 meaning: "damping ratio zeta",

@@ -14,7 +14,8 @@
 //! Source: He, Wang, Pottmann and Qin, Ind. Eng. Chem. Res. 46 (2007) 4549; Choudhury, Thornhill and Shah, Control
 //! Eng. Practice 13 (2005) 641.
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Hint, Parameter, Stage, Theta};
+use super::staircase::staircase;
 use crate::units::{CURRENT, CURRENT_RATE, RATIO};
 
 /// The effect `stiction`.
@@ -44,7 +45,7 @@ impl Effect for Stiction {
                 name: "slip",
                 unit: &RATIO,
                 range: (0.0, 0.95),
-                starts: &[0.1, 0.5],
+                starts: &[0.1, 0.4, 0.7],
                 default: Some(0.0),
                 meaning: "share of the band that is left after a slip",
             },
@@ -52,12 +53,21 @@ impl Effect for Stiction {
                 name: "speed",
                 unit: &CURRENT_RATE,
                 range: (0.001, 100.0),
-                starts: &[0.01, 20.0],
+                starts: &[0.003, 0.03, 20.0],
                 default: Some(100.0),
                 meaning: "speed below which it sticks again",
             },
         ];
         &PARAMETERS
+    }
+    /// The period of the staircase over the current is the band less what is left of it.
+    fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
+        let left = [0.03, 0.15, 0.3, 0.45, 0.6];
+        staircase(hint).into_iter().flat_map(|stair| left.map(|l| vec![stair.slip_a / (1.0 - l), l, 100.0])).collect()
+    }
+    /// Where the spool slips on a fast ramp is chance, and a free simulation loses step with it; the staircase stays.
+    fn signature_nats(&self, hint: &Hint<'_>) -> f64 {
+        staircase(hint).map_or(0.0, |stair| stair.nats)
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
         Box::new(Stick {
