@@ -169,7 +169,7 @@ impl<'a> Findings<'_, 'a> {
                 let effect = chosen.model.effects[k];
                 let mut theta = chosen.theta.clone();
                 theta.drain(chosen.model.place(k));
-                let without = fitter.refit(&chosen.model.without(k), &theta);
+                let without = self.without(k, &theta);
                 let (gain, interval, p_value) = chosen_held.gain_over(&held_out(fitter, &without, 4));
                 let parameters: BTreeMap<String, Estimate> = effect
                     .parameters()
@@ -198,6 +198,16 @@ impl<'a> Findings<'_, 'a> {
                 )
             })
             .collect()
+    }
+
+    /// The chosen model without its effect number `k`: refitted from `theta`, or as it stood in the search if that is better.
+    fn without(&self, k: usize, theta: &[f64]) -> Fit<'a> {
+        let effective = self.fitter.effective();
+        let refitted = self.fitter.refit(&self.search.chosen.model.without(k), theta);
+        let names = |fit: &Fit<'_>| fit.model.effects.iter().map(|e| e.id()).collect::<std::collections::BTreeSet<_>>();
+        let wanted = names(&refitted);
+        let stood = self.search.rounds.iter().map(|r| &r.incumbent).filter(|fit| names(fit) == wanted);
+        stood.cloned().fold(refitted, |best, next| if next.bic(effective) < best.bic(effective) { next } else { best })
     }
 
     /// Effects that in place of number `k` explain the record as well, best first.
@@ -229,7 +239,7 @@ impl<'a> Findings<'_, 'a> {
         names.truncate(6);
         let mut close: Vec<(f64, &str)> = names
             .into_par_iter()
-            .map(|e| (fitter.fit_new(&without.model.with(e), without, &[]).bic(effective), e.id()))
+            .map(|e| (fitter.fit_new(&without.model.with(e, 0.0), without, &[]).bic(effective), e.id()))
             .filter(|(bic, _)| *bic < chosen.bic(effective) + VERY_STRONG.max(0.05 * importance))
             .collect();
         close.sort_by(|a, b| a.0.total_cmp(&b.0));

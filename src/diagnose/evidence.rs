@@ -6,6 +6,9 @@ use crate::recording::{Recording, Run};
 /// Fewest usable samples in all.
 const FEWEST_SAMPLES: usize = 200;
 
+/// A current that moves in fewer samples than this share is one of steps.
+const STEPS: f64 = 0.05;
+
 /// One run on an even grid.
 #[derive(Debug, Clone)]
 pub struct Grid {
@@ -99,6 +102,14 @@ impl Evidence {
             ));
         }
         None
+    }
+
+    /// Whether the current rests but for steps.
+    pub fn is_of_steps(&self) -> bool {
+        let all = || self.grids.iter().flat_map(|g| g.current_a.iter());
+        let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), i| (l.min(*i), h.max(*i)));
+        let moves = self.grids.iter().flat_map(|g| g.current_a.windows(2)).filter(|w| (w[1] - w[0]).abs() > 1e-3 * (high - low)).count();
+        (moves as f64) < STEPS * self.samples() as f64
     }
 
     /// Samples in all, used or not.

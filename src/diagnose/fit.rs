@@ -31,7 +31,7 @@ impl Fit<'_> {
     /// which they move most. An effect of events shows in the second, one of the course in both.
     pub fn bic(&self, effective: f64) -> f64 {
         let nats = 0.5 * (self.mean_nats + self.rmse_bar.ln());
-        2.0 * (nats * effective + self.prior_nats) + self.model.extra_parameters() as f64 * effective.ln()
+        2.0 * (nats * effective + self.prior_nats - self.model.signature_nats()) + self.model.extra_parameters() as f64 * effective.ln()
     }
 }
 
@@ -43,12 +43,15 @@ pub struct Fitter<'e> {
     pub measured: Vec<f64>,
     /// Samples that count as one.
     pub tau_samples: f64,
+    /// Whether fits minimise the squared error instead of the t loss: in a recording of steps the few samples of a
+    /// transient are what matters, and the t loss takes them for its tails.
+    pub squared: bool,
 }
 
 impl<'e> Fitter<'e> {
     /// For all of the evidence, with the correlation still unknown.
     pub fn new(evidence: &'e Evidence) -> Self {
-        Self { evidence, measured: evidence.pressure_bar(), tau_samples: 20.0 }
+        Self { evidence, measured: evidence.pressure_bar(), tau_samples: 20.0, squared: evidence.is_of_steps() }
     }
 
     /// Number of used samples.
@@ -80,7 +83,8 @@ impl<'e> Fitter<'e> {
 
     /// What a fit minimises [nats per sample].
     fn objective(&self, fit: &Fit<'_>) -> f64 {
-        fit.mean_nats + fit.prior_nats / self.effective()
+        let nats = if self.squared { fit.rmse_bar.ln() } else { fit.mean_nats };
+        nats + fit.prior_nats / self.effective()
     }
 
     /// Levenberg-Marquardt from `start`, at most `iterations` steps.
@@ -142,7 +146,9 @@ impl<'e> Fitter<'e> {
         residual: &[f64],
     ) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let p = moving.len();
-        let weights: Vec<f64> = residual.iter().map(|e| loss::weight(*e, at.scale_bar)).collect();
+        let scale_bar = if self.squared { at.rmse_bar } else { at.scale_bar };
+        let plain = |e: &f64| if e.is_finite() { 1.0 } else { 0.0 };
+        let weights: Vec<f64> = residual.iter().map(|e| if self.squared { plain(e) } else { loss::weight(*e, scale_bar) }).collect();
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); p];
         let mut theta = at.theta.clone();
         // The last stages first: what lies before them is kept from the fit's own simulation.
@@ -182,7 +188,7 @@ impl<'e> Fitter<'e> {
             gradient[i] = dot(&weighted, &columns[i]);
         }
         // In units of one effective sample's nats.
-        let unit = 1.0 / (at.scale_bar * at.scale_bar * self.tau_samples);
+        let unit = 1.0 / (scale_bar * scale_bar * self.tau_samples);
         normal *= unit;
         gradient *= unit;
         for (row, k) in moving.iter().enumerate() {
@@ -279,6 +285,20 @@ impl<'e> Fitter<'e> {
             }
         }
         best
+    }
+
+    /// The fit with each optional parameter of its last effect back at its default, where BIC is better for it.
+    pub fn simplified<'a>(&self, mut fit: Fit<'a>) -> Fit<'a> {
+        let effective = self.effective();
+        let count = fit.model.effects.last().map_or(0, |e| e.parameters().len());
+        for j in (0..count).rev() {
+            let Some(simpler) = fit.model.holding(j) else { continue };
+            let less = self.polish(&simpler, &fit.theta, 4);
+            if less.bic(effective) < fit.bic(effective) {
+                fit = less;
+            }
+        }
+        fit
     }
 
     /// Refits a model from a vector, for instance after an effect was taken out.

@@ -17,6 +17,7 @@ mod remainder;
 mod rival;
 mod search;
 mod signature;
+mod start;
 mod stimuli;
 mod story;
 mod words;
@@ -71,6 +72,9 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
     }
     evidence.notes.extend(valve.warnings());
     let mut fitter = Fitter::new(&evidence);
+    for k in start::unsettled(&evidence, &base) {
+        fitter.measured[k] = f64::NAN;
+    }
     // Readings that measure nothing go first, so that they hide nothing else.
     let mut null = fitter.recalibrate(&base, &[]);
     if !base.confirms_lag(null.theta[model::BASE - 1]) {

@@ -67,7 +67,7 @@ const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 
 /// How far a good calibration may be off: gain, offset [bar], loop width [bar], ln a, delay and lag together [s].
 /// A slow sweep shows the sum of delay and lag well, and how it is split hardly.
-const CALIBRATION: [f64; 5] = [0.003, 0.03, 0.08, 0.7, 0.0035];
+const CALIBRATION: [f64; 5] = [0.003, 0.03, 0.08, 0.7, 0.0015];
 const HEAVY: [Heavy; 5] = [Heavy::No, Heavy::No, Heavy::Both, Heavy::Both, Heavy::Below];
 
 /// The delay of a vector: its fifth entry is delay and lag together, its sixth the lag [s].
@@ -84,6 +84,10 @@ pub struct Model<'a> {
     fixed: Vec<(&'static dyn Effect, Vec<f64>)>,
     /// Effects whose parameters are free.
     pub effects: Vec<&'static dyn Effect>,
+    /// What the signature of each says beyond the fit [nats].
+    signature_nats: Vec<f64>,
+    /// Which parameters of each stay at their defaults.
+    held: Vec<Vec<bool>>,
     /// Largest lag that counts as part of the base [s].
     lag_limit_s: f64,
 }
@@ -95,7 +99,14 @@ impl<'a> Model<'a> {
     /// Where the valve names an effect that does not exist.
     pub fn base(valve: &'a Valve) -> Result<Self, crate::physics::PhysicsError> {
         let fixed = valve.effects.iter().map(resolve).collect::<Result<_, _>>()?;
-        Ok(Self { valve, fixed, effects: Vec::new(), lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S })
+        Ok(Self {
+            valve,
+            fixed,
+            effects: Vec::new(),
+            signature_nats: Vec::new(),
+            held: Vec::new(),
+            lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S,
+        })
     }
 
     /// This model with no more lag than a slow sweep cannot see: a longer one, which an identification took in and the
@@ -109,17 +120,34 @@ impl<'a> Model<'a> {
         self.valve.lag_s <= UNSEEN_LAG_S || (0.7..1.3).contains(&(lag_s / self.valve.lag_s))
     }
 
-    /// This model with one effect more.
-    pub fn with(&self, effect: &'static dyn Effect) -> Self {
+    /// This model with one effect more, for which its signature says `signature_nats` beyond the fit.
+    pub fn with(&self, effect: &'static dyn Effect, signature_nats: f64) -> Self {
         let mut more = self.clone();
         more.effects.push(effect);
+        more.signature_nats.push(signature_nats);
+        more.held.push(vec![false; effect.parameters().len()]);
         more
+    }
+
+    /// This model with parameter `j` of its last effect held at its default; nothing where it has none or is held.
+    pub fn holding(&self, j: usize) -> Option<Self> {
+        let default = self.effects.last()?.parameters().get(j)?.default;
+        let mut simpler = self.clone();
+        let held = simpler.held.last_mut()?;
+        (default.is_some() && !std::mem::replace(&mut held[j], true)).then_some(simpler)
+    }
+
+    /// What the signatures of the effects say beyond the fit [nats].
+    pub fn signature_nats(&self) -> f64 {
+        self.signature_nats.iter().sum()
     }
 
     /// This model without its effect number `k`.
     pub fn without(&self, k: usize) -> Self {
         let mut less = self.clone();
         less.effects.remove(k);
+        less.signature_nats.remove(k);
+        less.held.remove(k);
         less
     }
 
@@ -165,13 +193,14 @@ impl<'a> Model<'a> {
             prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
         };
         let mut free = vec![linear(0, 0.3, 1e-4), linear(1, 3.0, 2e-3), linear(2, 3.0, 2e-3), linear(3, 5.0, 0.02), delay, lag];
-        for effect in &self.effects {
-            free.extend(effect.parameters().iter().map(|p| {
+        for (effect, held) in self.effects.iter().zip(&self.held) {
+            free.extend(effect.parameters().iter().zip(held).map(|(p, held)| {
                 let log = p.range.0 > 0.0 && p.range.1 / p.range.0 > 20.0;
                 let size = self.size(p);
                 // A fit looks for effects of the size of this valve's own signals.
                 let range = if size == 1.0 { p.range } else { (p.range.0 * size, p.range.1 * size) };
                 let step = if log { 4e-3 } else { 2e-4 * (p.range.1 - p.range.0).min(20.0) * size };
+                let range = p.default.filter(|_| *held).map_or(range, |value| (value, value));
                 Free { range, log, step, prior: None }
             }));
         }
@@ -201,9 +230,9 @@ impl<'a> Model<'a> {
         })
     }
 
-    /// Number of parameters that the effects bring.
+    /// Number of free parameters that the effects bring.
     pub fn extra_parameters(&self) -> usize {
-        self.effects.iter().map(|e| e.parameters().len()).sum()
+        self.held.iter().flatten().filter(|held| !**held).count()
     }
 
     fn curves(&self, theta: &[f64]) -> ReferenceCurves {
@@ -253,6 +282,8 @@ impl<'a> Model<'a> {
 /// Simulates one model again and again on the same evidence; what lies before the first changed stage is kept.
 pub struct Simulator<'e> {
     evidence: &'e Evidence,
+    /// Where between its curves the valve stands at first: 0 ascending, 1 descending.
+    start_share: f64,
     runs: Vec<Kept>,
 }
 
@@ -267,7 +298,12 @@ struct Kept {
 impl<'e> Simulator<'e> {
     /// For this evidence.
     pub fn new(evidence: &'e Evidence) -> Self {
-        Self { evidence, runs: evidence.grids.iter().map(|_| Kept::default()).collect() }
+        Self::starting_at(evidence, 0.5)
+    }
+
+    /// For this evidence, with the valve between its curves at first: 0 on the ascending one, 1 on the descending.
+    pub fn starting_at(evidence: &'e Evidence, start_share: f64) -> Self {
+        Self { evidence, start_share, runs: evidence.grids.iter().map(|_| Kept::default()).collect() }
     }
 
     /// Pressure of all runs, one after the other [bar].
@@ -292,7 +328,7 @@ impl<'e> Simulator<'e> {
             }
             if !same_current || kept.static_key != static_key {
                 kept.static_bar.resize(grid.current_a.len(), 0.0);
-                pipeline.static_curve(&kept.current_a, &mut kept.static_bar);
+                pipeline.static_curve(self.start_share, &kept.current_a, &mut kept.static_bar);
                 kept.static_key = static_key.to_vec();
             }
             let from = out.len();

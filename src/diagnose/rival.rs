@@ -21,7 +21,7 @@ impl Findings<'_, '_> {
         let mut theta = chosen.theta.clone();
         theta.drain(chosen.model.place(of));
         let without = self.fitter.refit(&chosen.model.without(of), &theta);
-        let fit = self.fitter.fit_new(&without.model.with(other), &without, &[]);
+        let fit = self.fitter.fit_new(&without.model.with(other, 0.0), &without, &[]);
         Some(Rival {
             of: chosen.model.effects[of].id().into(),
             id: other.id().into(),

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::fit::{Fit, Fitter};
+use super::heldout::held_out;
 use super::loss;
 use super::model::{Model, Simulator};
 use crate::physics::{EFFECTS, Effect, Hint, Kind};
@@ -13,6 +14,10 @@ pub const MOST_EFFECTS: usize = 3;
 pub const VERY_STRONG: f64 = 10.0;
 /// A candidate with this share of the best one's gain is as good.
 const AS_GOOD: f64 = 0.985;
+/// A difference of BIC that says nothing.
+const TIE: f64 = 1.0;
+/// Share of the gain of a free form from which on a cause goes before it.
+const CAUSE_FIRST: f64 = 0.5;
 /// Beyond this the evidence counts even where what is explained lies within the noise, as a faint tone does.
 const OVERWHELMING: f64 = 150.0;
 /// Bounds on how many samples count as one.
@@ -23,6 +28,8 @@ const WORTH: f64 = 0.05;
 const NET: f64 = 0.75;
 /// and so must what the effect itself does to the pressure.
 const TRIFLE: f64 = 0.5;
+/// Chance of its held-out gain up to which a further effect is confirmed.
+const CONFIRMED: f64 = 0.05;
 
 /// One candidate of one round.
 pub struct Ranked<'a> {
@@ -68,6 +75,7 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
             fitter.tau_samples = correlation(fitter, &best);
         }
         let effective = fitter.effective();
+        simplify(fitter, &mut ranked);
         ranked.sort_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective)));
         chosen = same_effort(fitter, chosen, &ranked);
         if chosen.model.effects.is_empty() {
@@ -80,16 +88,58 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
             None => break,
         }
     }
-    Search { null, chosen, rounds }
+    Search { null, chosen: confirmed(fitter, chosen), rounds }
 }
 
-/// The best candidate of worth; among those that are as good as it, the one with the fewest parameters.
+/// The effects but the first, less those that held-out stretches do not confirm: the last one to have been found is
+/// looked at first. An effect that takes the place of a recalibration needs no gain of its own.
+fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>) -> Fit<'a> {
+    let mut k = fit.model.effects.len();
+    while k > 1 && fit.model.effects.len() > 1 {
+        k -= 1;
+        let mut start = fit.theta.clone();
+        start.drain(fit.model.place(k));
+        let less = fitter.refit(&fit.model.without(k), &start);
+        let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
+        let (_, interval, p_value) = with.gain_over(&without);
+        let stood_in = less.prior_nats - fit.prior_nats > 0.5 * VERY_STRONG;
+        if !stood_in && p_value > CONFIRMED && interval.is_some_and(|i| i.0 <= 0.0) {
+            fit = less;
+        }
+    }
+    fit
+}
+
+/// The candidates that may still win, each with no more free parameters than it needs.
+fn simplify(fitter: &Fitter<'_>, ranked: &mut [Ranked<'_>]) {
+    let effective = fitter.effective();
+    let best = ranked.iter().map(|r| r.fit.bic(effective)).fold(f64::INFINITY, f64::min);
+    let most = |r: &Ranked<'_>| r.effect.parameters().len() as f64 * effective.ln();
+    ranked
+        .par_iter_mut()
+        .filter(|r| r.effect.kind() == Kind::Course && r.fit.bic(effective) < best + most(r) + VERY_STRONG)
+        .for_each(|r| r.fit = fitter.simplified(r.fit.clone()));
+}
+
+/// The best candidate of worth; among those that are as good as it, the one with the fewest free parameters, then the
+/// one whose physics has the fewest.
 fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>]) -> Option<Fit<'a>> {
     let effective = fitter.effective();
-    let best = ranked.iter().find(|r| worth(fitter, incumbent, &r.fit))?;
     let gain = |r: &Ranked<'_>| incumbent.bic(effective) - r.fit.bic(effective);
-    let as_good = ranked.iter().filter(|r| gain(r) > AS_GOOD * gain(best) && worth(fitter, incumbent, &r.fit));
-    as_good.min_by_key(|r| r.effect.parameters().len()).map(|r| r.fit.clone())
+    let mut worthy = ranked.iter().filter(|r| worth(fitter, incumbent, &r.fit));
+    let mut best = worthy.next()?;
+    // A free form imitates whatever changes the curve; a cause that explains half as much goes first.
+    if best.effect.kind() == Kind::Form {
+        best = worthy.find(|r| r.effect.kind() == Kind::Course && gain(r) > CAUSE_FIRST * gain(best)).unwrap_or(best);
+    }
+    let as_good: Vec<&Ranked<'a>> = ranked
+        .iter()
+        .filter(|r| r.effect.kind() == best.effect.kind() && gain(r) > AS_GOOD * gain(best) && worth(fitter, incumbent, &r.fit))
+        .collect();
+    let fewest = as_good.iter().map(|r| r.fit.model.extra_parameters()).min()?;
+    let lean = || as_good.iter().filter(|r| r.fit.model.extra_parameters() == fewest);
+    let most = lean().map(|r| gain(r)).fold(f64::NEG_INFINITY, f64::max);
+    lean().filter(|r| gain(r) > most - TIE).min_by_key(|r| r.effect.parameters().len()).map(|r| r.fit.clone())
 }
 
 /// The incumbent, refitted from where its best challengers ended: otherwise it loses by its own missed optimum.
@@ -123,26 +173,29 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         .collect();
     open.into_par_iter()
         .map(|effect| {
-            let hint = hint(fitter, &residual, &pressure, incumbent.scale_bar);
+            let hint = hint(fitter, &residual, &pressure, incumbent);
             let mut proposals = effect.propose(&hint);
             // Where it ended in the round before.
             let last = before.and_then(|r| r.ranked.iter().find(|c| c.effect.id() == effect.id()));
             proposals.extend(last.map(|c| c.fit.theta[c.fit.model.place(c.fit.model.effects.len() - 1)].to_vec()));
-            Ranked { effect, fit: fitter.fit_new(&incumbent.model.with(effect), incumbent, &proposals) }
+            let model = incumbent.model.with(effect, effect.signature_nats(&hint));
+            Ranked { effect, fit: fitter.fit_new(&model, incumbent, &proposals) }
         })
         .collect()
 }
 
 /// What an effect may look at to propose where its fit begins.
-fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], scale_bar: f64) -> Hint<'h> {
+fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], incumbent: &Fit<'_>) -> Hint<'h> {
     let grids = &fitter.evidence.grids;
     Hint {
         start_s: grids[0].start_s,
         dt_s: grids[0].dt_s,
+        current_a: &grids[0].current_a,
+        delay_s: incumbent.theta[4],
         // Proposals come from the longest run's worth at the front; the fit then sees all runs.
         residual_bar: &residual[..grids[0].current_a.len()],
         pressure_bar: &pressure[..grids[0].current_a.len()],
-        scale_bar,
+        scale_bar: incumbent.scale_bar,
     }
 }
 
@@ -212,7 +265,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
         let swapped: Vec<Fit<'a>> = rivals
             .into_par_iter()
             .filter(|e| !fit.model.effects.iter().any(|have| have.id() == e.id()))
-            .map(|e| fitter.fit_new(&less_model.with(e), &less, &[]))
+            .map(|e| fitter.fit_new(&less_model.with(e, 0.0), &less, &[]))
             .collect();
         if let Some(better) = swapped.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)))
             && better.bic(effective) < fit.bic(effective) - VERY_STRONG
