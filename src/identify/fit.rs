@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::model::Shape;
+use super::model::{MIN_SLOPE, Shape};
 use super::segment::Segment;
 use crate::valve::ReferenceCurves;
 
@@ -17,8 +17,6 @@ const GUARDS: usize = 24;
 const GUARD_WEIGHT: f64 = 100.0;
 /// Bound of a start between the curves: 0.1 % of the width away from a curve.
 const START_LIMIT: f64 = 0.998;
-/// Smallest slope of a curve, as a share of the mean slope over the range.
-const MIN_SLOPE: f64 = 0.02;
 
 /// The data and the bounds of a fit.
 pub(super) struct Problem<'a> {

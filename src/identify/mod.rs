@@ -101,6 +101,7 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
         fit.shape = shape;
         fit = dynamics::refine(&problem, &fit, &survey, &weights, limit);
     }
+    fit = below_the_floor(&problem, fit, &survey, &weights);
     let (fit, limit) = select::fit_robust(&problem, &fit.shape, &fit.theta, &weights, noise_bar, &[10, 10]);
     if !fit.theta.iter().all(|t| t.is_finite()) || !fit.cost.is_finite() {
         return Err(IdentifyError::NotFinite { source_name: recording.source.clone() });
@@ -118,6 +119,30 @@ fn to_the_floor(fit: &fit::Fit, survey: &survey::Survey) -> (f64, f64) {
     let missing = ((curves.descending_at(low) - floor) / slope).clamp(0.0, 0.05 * (high - low));
     let hidden = curves.descending_at(low) - floor < 2.0 * (survey.above_bar() - floor);
     (if hidden { (low - missing).max(survey.recorded_a.0) } else { low }, high)
+}
+
+/// The fit with its range carried on below the covered one, over the currents at which the floor hides the pressure.
+///
+/// The loop goes on down there and turns: how wide it is shows in the path of the pressure back above the floor, and
+/// from there in the ascending curve, in `a` and in the delay. Straight lines, which take the width at the floor for
+/// that at the turn, would bend all three; the polynomials, as far as they rise and stay apart, carry it on as the
+/// paper's valve does.
+fn below_the_floor(problem: &Problem<'_>, mut fit: fit::Fit, survey: &survey::Survey, weights: &[f64]) -> fit::Fit {
+    const ROUNDS: usize = 3;
+    let (low, high) = survey.covered_a;
+    if survey.floor_bar.is_none() || !fit.shape.hysteresis || survey.recorded_a.0 >= low {
+        return fit;
+    }
+    for _ in 0..ROUNDS {
+        let before = fit.shape.range_a.0;
+        let range_a = (fit.shape.valid_down_to(&fit.theta, (low, high), survey.recorded_a.0), high);
+        if (range_a.0 - before).abs() <= 0.002 * (high - low) {
+            break;
+        }
+        let (shape, theta) = fit.shape.moved(&fit.theta, range_a);
+        fit = select::fit_robust(problem, &shape, &theta, weights, survey.noise_bar, &[8]).0;
+    }
+    fit
 }
 
 /// A fit with curves of the order given, or of order 3 as in the paper, with delay and lag found.

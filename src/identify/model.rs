@@ -6,6 +6,9 @@
 use super::segment::Segment;
 use crate::valve::{Polynomial, ReferenceCurves, hyperbola_stretches};
 
+/// Smallest slope of a curve, as a share of the mean slope over the range.
+pub(super) const MIN_SLOPE: f64 = 0.02;
+
 /// Which parameters the model has.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shape {
@@ -120,6 +123,17 @@ impl Shape {
             }
         }
         (to, out)
+    }
+
+    /// The lowest current, not below `limit_a`, down to which both polynomials go on rising, the descending one above,
+    /// from `range_a` [A].
+    pub fn valid_down_to(&self, theta: &[f64], (low, high): (f64, f64), limit_a: f64) -> f64 {
+        const STEPS: u32 = 200;
+        let (ascending, descending) = self.polynomials(theta);
+        let least = MIN_SLOPE * (ascending.eval(high) - ascending.eval(low)) / (high - low);
+        let valid = |i: f64| ascending.slope(i) > least && descending.slope(i) > least && descending.eval(i) >= ascending.eval(i);
+        let at = |k: u32| low + (limit_a - low) * f64::from(k) / f64::from(STEPS);
+        (1..=STEPS).map(at).take_while(|i| valid(*i)).last().unwrap_or(low)
     }
 
     /// The loop narrowed as it must be when the pressure answers `later_s` later than before and the current moves
@@ -254,6 +268,22 @@ mod tests {
             assert!((shape.curves(&theta).ascending_at(i) - moved.curves(&there).ascending_at(i)).abs() < 1e-9);
             assert!((shape.curves(&theta).descending_at(i) - moved.curves(&there).descending_at(i)).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn the_papers_curves_hold_down_to_their_crossing() {
+        // Eq. (3), as Chebyshev series over the range that stands above a floor at zero.
+        let flat = Shape { order: 3, hysteresis: true, lag: false, range_a: (-1.0, 1.0), floor_bar: Some(0.0), starts: 0 };
+        // c3 x^3 + c2 x^2 + c1 x + c0 in Chebyshev polynomials.
+        let series = |c: [f64; 4]| [c[3] + 0.5 * c[1], c[2] + 0.75 * c[0], 0.5 * c[1], 0.25 * c[0]];
+        let (up, down) = (series([-42.65, 92.5, -8.4, -2.03]), series([-40.01, 83.32, -1.3, -2.41]));
+        let mut theta: Vec<f64> = (0..4).map(|k| 0.5 * (up[k] + down[k])).collect();
+        theta.extend((0..4).map(|k| 0.5 * (down[k] - up[k])));
+        theta.extend([0.0, 0.02]);
+        let (shape, theta) = flat.moved(&theta, (0.2, 0.98));
+        let low = shape.valid_down_to(&theta, (0.2, 0.98), 0.0);
+        assert!((low - 0.058).abs() < 0.002, "{low}");
+        assert_eq!(shape.valid_down_to(&theta, (0.2, 0.98), 0.1), 0.1);
     }
 
     #[test]

@@ -171,15 +171,14 @@ pub(super) fn outcome(data: &Data<'_>, options: &Options, fit: &Fit, limit: f64,
         orders,
         notes,
         warnings,
-        curves: drawn(&curves),
+        curves: drawn(&curves, survey.covered_a),
         traces,
     }
 }
 
-/// The curves at equal distances of the current.
-fn drawn(curves: &ReferenceCurves) -> DrawnCurves {
+/// The curves at equal distances of the current, where they were seen.
+fn drawn(curves: &ReferenceCurves, (low, high): (f64, f64)) -> DrawnCurves {
     const POINTS: u32 = 200;
-    let (low, high) = curves.range_a;
     let current_a: Vec<f64> = (0..=POINTS).map(|k| low + (high - low) * f64::from(k) / f64::from(POINTS)).collect();
     DrawnCurves {
         ascending_bar: current_a.iter().map(|i| curves.ascending_at(*i)).collect(),

@@ -22,7 +22,15 @@ pub(super) fn notes(recording: &Recording, survey: &Survey, fit: &Fit, valve: &V
     }
     if let Some(floor) = survey.floor_bar {
         let seen = survey.covered_a.0 > survey.recorded_a.0;
-        let from = if seen { format!(" below {:.3} A: the curves begin there", survey.covered_a.0) } else { String::new() };
+        let unseen = fit.shape.range_a.0;
+        let from = match (seen, unseen < survey.covered_a.0) {
+            (false, _) => String::new(),
+            (true, false) => format!(" below {:.3} A: the curves begin there", survey.covered_a.0),
+            (true, true) => format!(
+                " below {:.3} A: the curves are seen from there on; down to {unseen:.3} A, hidden by the floor, they are their polynomials carried on",
+                survey.covered_a.0
+            ),
+        };
         out.push(format!("the pressure stands at a floor of {floor:.3} bar{from}"));
     }
     if fit.shape.hysteresis {
