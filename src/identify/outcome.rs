@@ -82,6 +82,14 @@ pub struct Identified {
     pub traces: Vec<Trace>,
 }
 
+impl Identified {
+    /// Range of current in which the curves were seen [A].
+    pub fn seen_a(&self) -> (f64, f64) {
+        let drawn = &self.curves.current_a;
+        (drawn.first().copied().unwrap_or(f64::NAN), drawn.last().copied().unwrap_or(f64::NAN))
+    }
+}
+
 /// What was fitted to.
 pub(super) struct Data<'a> {
     /// The recording.

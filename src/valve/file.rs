@@ -267,7 +267,7 @@ impl Valve {
     pub fn warnings(&self) -> Vec<String> {
         let (low, high) = self.curves.range_a;
         let mut warnings = Vec::new();
-        let slack = 1e-3 * (self.current_limits_a.1 - self.current_limits_a.0);
+        let slack = 5e-3 * (self.current_limits_a.1 - self.current_limits_a.0);
         if low > self.current_limits_a.0 + slack || high < self.current_limits_a.1 - slack {
             warnings.push(format!(
                 "{}: the reference curves hold from {low:.3} A to {high:.3} A, not over all of {} A to {} A (slope and crossing); beyond, they continue as straight lines",

@@ -46,7 +46,7 @@ fn tiles(found: &Identified) -> Markup {
     let tile = |name: &str, value: String, unit: &str, note: String| {
         html! { .tile { .name { (name) } .value { (value) " " small { (unit) } } .note { (note) } } }
     };
-    let (low, high) = valve.curves.range_a;
+    let (low, high) = found.seen_a();
     html! {
         .tiles {
             (tile("RMSE of the model", format!("{:.4}", found.rmse_bar), "bar", format!("sensor noise {:.4} bar", valve.noise_bar)))
@@ -58,7 +58,7 @@ fn tiles(found: &Identified) -> Markup {
             } @else {
                 (tile("hysteresis", "none".into(), "", String::new()))
             }
-            (tile("curves hold", format!("{low:.3} .. {high:.3}"), "A", valve.floor_bar.map_or(String::new(), |f| format!("floor {f:.2} bar"))))
+            (tile("curves seen", format!("{low:.3} .. {high:.3}"), "A", valve.floor_bar.map_or(String::new(), |f| format!("floor {f:.2} bar"))))
         }
     }
 }

@@ -62,11 +62,11 @@ pub fn text(found: &Identified) -> String {
         let _ = writeln!(out, "{:<16} {value:>14} ± {error:>14}   {}", p.name, p.unit);
     }
     let _ = writeln!(out);
-    let (low, high) = valve.curves.range_a;
+    let (low, high) = found.seen_a();
     let line = |out: &mut String, name: &str, value: String| {
         let _ = writeln!(out, "{name:<34} {value}");
     };
-    line(&mut out, "curves hold from", format!("{low:.4} A to {high:.4} A"));
+    line(&mut out, "curves seen from", format!("{low:.4} A to {high:.4} A"));
     if let Some(floor) = valve.floor_bar {
         line(&mut out, "floor", format!("{floor:.3} bar"));
     }
