@@ -26,10 +26,7 @@ fn summary(diffs: &[RecordDiff]) -> String {
     let differ = diffs.iter().filter(|d| d.different()).count();
     let compared: usize = diffs.iter().map(|d| d.compared).sum();
     let (records, differ_word) = (if diffs.len() == 1 { "record" } else { "records" }, if differ == 1 { "differs" } else { "differ" });
-    format!(
-        "{} {records}, {compared} figures compared: {differ} {differ_word} beyond tolerance, {changed} with another verdict",
-        diffs.len()
-    )
+    format!("{} {records}, {compared} figures: {differ} {differ_word} beyond tolerance, {changed} with another verdict", diffs.len())
 }
 
 /// The differences for a terminal.
