@@ -9,7 +9,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{CliError, exit};
 use crate::plan::Plan;
-use crate::record::{Dut, TestRecord, Trace};
+use crate::record::{Dut, Outcome, TestRecord, Trace};
 use crate::rig::loop_thread::{self, LoopControl, LoopError, safe_text};
 use crate::rig::profile::Profile;
 use crate::rig::wire::TracedFrame;
@@ -54,13 +54,16 @@ pub struct WireArgs {
     pub watch: bool,
 }
 
+/// Latest raw frames that stand in the record itself; the file beside it has the last seconds.
+const SHOWN_FRAMES: usize = 12;
+
 /// What a run on hardware gave.
 pub struct WireRun {
     /// The record.
     pub record: TestRecord,
     /// The trace.
     pub trace: Trace,
-    /// The latest raw frames, where anything was lost.
+    /// The latest raw frames, where anything was lost or the run did not come to its end.
     pub frames: Vec<TracedFrame>,
 }
 
@@ -115,7 +118,16 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
         if let Some(signal) = inside.stop_requested() {
             record.rig.details.push(("stopped by".into(), signal.into()));
         }
-        Ok(WireRun { record, trace, frames: if lost { rig.trace() } else { Vec::new() } })
+        let ended_badly = lost || !matches!(record.outcome, Outcome::Pass | Outcome::Marginal | Outcome::Fail | Outcome::NotRun);
+        let frames = if ended_badly { rig.trace() } else { Vec::new() };
+        if let (Some(first), Some(last)) = (frames.first(), frames.last()) {
+            let what = format!("{} of the last {:.1} s in frames.txt", frames.len(), last.time_s - first.time_s);
+            record.rig.details.push(("raw frames".into(), what));
+            for frame in frames.iter().rev().take(SHOWN_FRAMES).rev() {
+                record.rig.details.push(("frame".into(), frame_text(frame)));
+            }
+        }
+        Ok(WireRun { record, trace, frames })
     };
     let result = loop_thread::run(&control, body, || view.show());
     view.finish();
@@ -143,12 +155,13 @@ fn failed(error: RigError, control: &LoopControl) -> CliError {
 
 /// The frames as lines of text: time, direction, bytes in hex.
 pub fn frames_text(frames: &[TracedFrame]) -> String {
-    let mut text = String::from("# time_s direction bytes\n");
-    for frame in frames {
-        let bytes: Vec<String> = frame.bytes.iter().map(|b| format!("{b:02X}")).collect();
-        text.push_str(&format!("{:.4} {} {}\n", frame.time_s, if frame.sent { ">" } else { "<" }, bytes.join(" ")));
-    }
-    text
+    let lines = frames.iter().map(|frame| frame_text(frame) + "\n");
+    std::iter::once("# time_s direction bytes\n".to_string()).chain(lines).collect()
+}
+
+fn frame_text(frame: &TracedFrame) -> String {
+    let bytes: Vec<String> = frame.bytes.iter().map(|b| format!("{b:02X}")).collect();
+    format!("{:.4} {} {}", frame.time_s, if frame.sent { ">" } else { "<" }, bytes.join(" "))
 }
 
 /// One line of the live view.
@@ -162,6 +175,27 @@ struct Glance {
     current_a: f64,
     quality: Quality,
     lateness_s: f64,
+}
+
+impl Glance {
+    /// The columns of [`Glance::line`].
+    const HEADING: &'static str = " done  time s target bar pressure bar current A late ms quality     not good";
+
+    /// Within 80 columns, so that a narrow terminal does not wrap it.
+    fn line(&self, not_good: u64) -> String {
+        let number = |value: f64, digits: usize| if value.is_finite() { format!("{value:.digits$}") } else { "-".into() };
+        format!(
+            "{:>3} % {:>7.1} {:>10} {:>12} {:>9} {:>7} {:<11} {:>8}",
+            100 * self.sample / self.samples.max(1),
+            self.time_s,
+            number(self.target_bar, 2),
+            number(self.pressure_bar, 2),
+            number(self.current_a, 3),
+            number(self.lateness_s * 1e3, 2),
+            self.quality.name(),
+            not_good
+        )
+    }
 }
 
 /// The loop's end of the queue: a full queue drops the glance, the loop never waits.
@@ -205,24 +239,13 @@ impl View {
         }
         let Some(g) = last.filter(|_| self.watch && self.shown.elapsed() > Duration::from_millis(100)) else { return };
         self.shown = Instant::now();
-        self.drawn = true;
-        let number = |value: f64, unit: &str, digits: usize| {
-            if value.is_finite() { format!("{value:.digits$} {unit}") } else { format!("- {unit}") }
-        };
-        let line = format!(
-            "{:>3} % {:>9}  target {:>10}  pressure {:>10}  current {:>8}  {:<11} not good {:<4} late {:.2} ms",
-            100 * g.sample / g.samples.max(1),
-            number(g.time_s, "s", 2),
-            number(g.target_bar, "bar", 2),
-            number(g.pressure_bar, "bar", 2),
-            number(g.current_a, "A", 3),
-            g.quality.name(),
-            self.bad,
-            g.lateness_s * 1e3
-        );
+        let line = g.line(self.bad);
         // On a terminal one line is written over and over; elsewhere each stands for itself.
         use std::io::{IsTerminal, Write};
         let mut err = std::io::stderr();
+        if !std::mem::replace(&mut self.drawn, true) {
+            let _ = writeln!(err, "{}", Glance::HEADING);
+        }
         let _ = if err.is_terminal() { write!(err, "\r{line}\x1b[K") } else { writeln!(err, "{line}") };
         let _ = err.flush();
     }
@@ -232,5 +255,29 @@ impl View {
         if self.drawn && std::io::stderr().is_terminal() {
             super::note("");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_live_view_fits_80_columns() {
+        let glance = Glance {
+            sample: 359_999,
+            samples: 360_000,
+            time_s: 3599.99,
+            target_bar: 123.456,
+            pressure_bar: f64::NAN,
+            current_a: 1.2,
+            quality: Quality::Implausible,
+            lateness_s: 0.01234,
+        };
+        insta::assert_snapshot!(format!("{}\n{}", Glance::HEADING, glance.line(123_456)), @"
+         done  time s target bar pressure bar current A late ms quality     not good
+         99 %  3600.0     123.46            -     1.200   12.34 implausible   123456
+        ");
+        assert!(Glance::HEADING.len() < 80 && glance.line(123_456).len() < 80);
     }
 }

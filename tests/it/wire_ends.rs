@@ -122,15 +122,23 @@ fn a_killed_process_leaves_it_to_the_watchdog() {
 
 #[test]
 fn a_dead_line_ends_with_exit_code_4_and_says_so() {
-    let script = "schema = \"hil.faults/1\"\n[[fault]]\nkind = \"silent\"\ncycle = 40\ncount = 0\n";
-    let emulator = start_emulator("emulator", Faults::from_toml(script, "dead").unwrap());
-    let folder = tempfile::tempdir().unwrap();
-    let out = hil_run(&emulator, "emulator", &folder).wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(4), "{said}");
-    assert!(said.contains("SAFE STATE NOT CONFIRMED"), "{said}");
-    assert!(folder.path().join("out/record.json").is_file() && folder.path().join("out/frames.txt").is_file());
-    wait_until(&emulator, "current stays", |r| r.coil_a == 0.0);
+    let script = "schema = \"hil.faults/1\"\n[[fault]]\nkind = \"silent\"\ncycle = 10\ncount = 0\n";
+    // Where other work makes a run end before the line dies, it is not the run that is meant.
+    for _ in 0..5 {
+        let emulator = start_emulator("emulator", Faults::from_toml(script, "dead").unwrap());
+        let folder = tempfile::tempdir().unwrap();
+        let out = hil_run(&emulator, "emulator", &folder).wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(4), "{said}");
+        wait_until(&emulator, "current stays", |r| r.coil_a == 0.0);
+        if emulator.report().cycles < 10 {
+            continue;
+        }
+        assert!(said.contains("SAFE STATE NOT CONFIRMED") && said.contains("frame: "), "{said}");
+        assert!(folder.path().join("out/record.json").is_file() && folder.path().join("out/frames.txt").is_file());
+        return;
+    }
+    panic!("three samples in a row lost within ten cycles, five times");
 }
 
 #[test]

@@ -116,7 +116,7 @@ fn advice(path: &Path, error: &tokio_serial::Error) -> String {
         _ if error.description.contains("exclusive") || error.description.contains("busy") => {
             format!("another program holds it (`fuser {}` says which)", path.display())
         }
-        _ => format!("{error}; is this a serial port?"),
+        _ => format!("{error}; is this a serial port? They are /dev/serial/by-id/..., /dev/ttyUSB0, /dev/ttyACM0, /dev/ttyS0 and the like"),
     }
 }
 

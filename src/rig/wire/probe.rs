@@ -1,9 +1,9 @@
 //! A look at a device without driving it: identity, readings, round trips, the highest loop rate; nothing but zero is
 //! ever written.
 
-use super::{Endpoint, open_device};
+use super::{Bus, Endpoint, Incoming, Loss, open_device};
 use crate::rig::RigError;
-use crate::rig::profile::{LARGEST_SHARE, Profile, RegisterValue, SignalName, Table, TransportKind};
+use crate::rig::profile::{LARGEST_SHARE, Profile, RegisterValue, Role, SignalName, Table, TransportKind};
 
 /// Round trips that are timed.
 const ROUND_TRIPS: usize = 200;
@@ -28,7 +28,14 @@ pub fn probe(profile: &Profile, endpoint: &Endpoint) -> Result<Findings, RigErro
     let (mut device, clock) = open_device(profile, endpoint)?;
     let mut found = Findings { facts: device.bus.details(), ..Findings::default() };
     for r in &profile.start.identity {
-        let value = device.bus.read_register(r, REPLY_S).map_err(|loss| silent(profile, &device.bus.trace(), &loss.to_string()))?;
+        let value = device.bus.read_register(r, REPLY_S).map_err(|loss| match loss {
+            // A refusal with a right checksum: line, baud rate and unit id are right, what listens there is not.
+            Loss::Exception(_) => {
+                let what = format!("{loss} for register {}, which identifies the device: another device answers here", r.address);
+                RigError::Device { name: profile.name.clone(), reason: format!("{what}; check port, unit id and profile") }
+            }
+            loss => silent(profile, &device.bus.trace(), &loss.to_string()),
+        })?;
         if value != r.value {
             let reason =
                 format!("register {} holds {value}, and {} identifies the device: another device, or another unit id", r.address, r.value);
@@ -75,6 +82,7 @@ pub fn probe(profile: &Profile, endpoint: &Endpoint) -> Result<Findings, RigErro
                 }
             }
         }
+        found.readings = readings(profile, &by_register(profile, device.bus.as_mut()));
         found
             .warnings
             .push("nothing in the profile identifies the device, so nothing was written and only single registers were read".into());
@@ -82,7 +90,7 @@ pub fn probe(profile: &Profile, endpoint: &Endpoint) -> Result<Findings, RigErro
     if lost > 0 {
         found.warnings.push(format!("{lost} of {} requests were lost; the last: {last}", lost + times.len()));
     }
-    if !profile.watchdog.protects() {
+    if profile.role == Role::Driver && !profile.watchdog.protects() {
         found.warnings.push("no watchdog that takes the current away: a run needs --without-watchdog".into());
     }
     if !profile.proves_freshness() {
@@ -116,6 +124,25 @@ fn readings(profile: &Profile, values: &super::Incoming) -> Vec<(String, String)
         readings.push((signal.name.to_string(), text));
     }
     readings
+}
+
+/// The signals that the cycle reads, one register after the other, without writing anything.
+fn by_register(profile: &Profile, bus: &mut dyn Bus) -> Incoming {
+    let mut values = Incoming::default();
+    for t in &profile.cycle.transactions {
+        let Some(block) = &t.read else { continue };
+        let table = if t.function == 4 { Table::Input } else { Table::Holding };
+        let mut address = block.address;
+        for signal in block.signals.iter().map(|index| &profile.signals[*index]) {
+            let mut read = |address| bus.read_register(&RegisterValue { table, address, value: 0, unit: Some(t.unit_id) }, REPLY_S);
+            let words: Result<Vec<u16>, Loss> = (address..address + signal.words()).map(&mut read).collect();
+            if let Some(raw) = words.ok().and_then(|w| signal.decode(&w)) {
+                values.set(signal.name, raw);
+            }
+            address += signal.words();
+        }
+    }
+    values
 }
 
 /// A device that does not answer, with what the bytes on the line say about why.
