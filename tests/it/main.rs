@@ -14,5 +14,6 @@ mod simulate;
 mod wire;
 mod wire_ends;
 mod wire_peers;
+mod wire_rows;
 mod wire_soak;
 mod wire_variants;

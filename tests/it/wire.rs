@@ -117,7 +117,7 @@ pub fn faulty(profile: &Profile, kind: Kind, faults: Faults, period_s: f64) {
     // Bytes before a reply and a late duplicate need not cost a sample; everything else must.
     let line = profile.transport.kind == hil::rig::profile::TransportKind::Line;
     let harmless = match kind {
-        Kind::Garbage | Kind::Duplicate | Kind::LocalEcho => true,
+        Kind::Garbage | Kind::Duplicate | Kind::LocalEcho | Kind::Gap => true,
         // Text has neither units nor registers, and a late line in the same slot is a reply in time.
         Kind::ExtraRegister | Kind::MissingRegister => line,
         _ => false,
@@ -176,6 +176,10 @@ faults! {
     silent_on_tcp "emulator-tcp" Silent 0.0;
     wrong_header_on_tcp "emulator-tcp" WrongCrc 0.0;
     truncated_on_tcp "emulator-tcp" Truncated 0.0;
+    noise_on_tcp "emulator-tcp" Garbage 0.0;
+    a_gap_in_a_reply_does_no_harm "emulator" Gap 0.002;
+    a_gap_on_tcp "emulator-tcp" Gap 0.002;
+    a_gap_longer_than_a_slot_is_not_joined_with_the_next_reply "emulator" Gap 0.0105;
     garbage_on_tcp "emulator-tcp" GarbageHeader 0.0;
     exception_on_tcp "emulator-tcp" Exception 0.0;
     duplicate_on_tcp "emulator-tcp" Duplicate 0.003;

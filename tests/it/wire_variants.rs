@@ -28,7 +28,7 @@ fn echo_of_the_setpoint() -> Profile {
 }
 
 /// Functions 6 and 4: the quantity of registers tells one reply from another.
-fn quantity() -> Profile {
+pub fn quantity() -> Profile {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/drivers/emulator.toml")).unwrap();
     let cycle = text.find("[[cycle.transaction]]").unwrap();
     let watchdog = text.find("[watchdog]").unwrap();

@@ -85,6 +85,8 @@ pub enum Kind {
     Exception,
     /// The reply twice, the second time `by` later.
     Duplicate,
+    /// A pause of `by` in the middle of the reply.
+    Gap,
     /// The request comes back before the reply, as from an adapter with local echo.
     LocalEcho,
     /// Only the request comes back: local echo with a dead device behind it.
@@ -115,7 +117,7 @@ pub enum Kind {
 
 impl Kind {
     /// The kinds after which the device goes on as if nothing had been.
-    pub const PASSING: [Kind; 15] = [
+    pub const PASSING: [Kind; 16] = [
         Kind::Late,
         Kind::Silent,
         Kind::WrongCrc,
@@ -131,6 +133,7 @@ impl Kind {
         Kind::MissingRegister,
         Kind::Previous,
         Kind::LocalEcho,
+        Kind::Gap,
     ];
 }
 

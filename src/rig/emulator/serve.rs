@@ -148,7 +148,8 @@ fn modbus(shared: &Shared, request: &Request, raw: &[u8], previous: &mut Vec<u8>
         return Reply { frames: if dead { vec![(0.0, raw.to_vec())] } else { vec![] }, close: closed };
     };
     if has(Kind::WrongFunction).is_some() {
-        pdu[0] = if pdu[0] == 3 { 4 } else { 3 };
+        // An exception stays one, of another function.
+        pdu[0] = pdu[0] & 0x80 | if pdu[0] & 0x7F == 3 { 4 } else { 3 };
     }
     if has(Kind::ExtraRegister).is_some() && matches!(pdu[0], 3 | 4 | 23) {
         pdu[1] = pdu[1].wrapping_add(2);
@@ -231,7 +232,9 @@ fn finish(shared: &Shared, raw: &[u8], frame: Vec<u8>, previous: &mut Vec<u8>, f
         bytes.splice(0..0, raw.iter().copied());
     }
     let late_s = has(Kind::Late).map_or(0.0, |f| f.by_s);
+    let tail = has(Kind::Gap).map(|f| (f.by_s, bytes.split_off(bytes.len() / 2)));
     let mut frames = vec![(wire_s + late_s, bytes)];
+    frames.extend(tail);
     if let Some(f) = has(Kind::Duplicate) {
         frames.push((f.by_s, frame));
     }
