@@ -70,11 +70,11 @@ pub(super) fn staircase(hint: &Hint<'_>) -> Option<Staircase> {
         .map(|s| Stretch { residual_bar: detrended(&hint.residual_bar[s.start + late..s.end + late], clip), current_a: &current_a[s] })
         .collect();
     let lines: Vec<Line> = (0..PERIODS.2).map(|k| Line::of(&stretches, PERIODS.0 * (high - low) * PERIODS.1.powi(k as i32))).collect();
-    let best = (1..lines.len() - 1).max_by(|a, b| prominence(&lines, *a).total_cmp(&prominence(&lines, *b)))?;
-    let (share, prominence) = (lines[best].share(), prominence(&lines, best));
-    if prominence < PROMINENT || share < LEAST_SHARE {
-        return None;
-    }
+    // A sawtooth has overtones that may stand out more, but carry less.
+    let (best, share, prominence) = (1..lines.len() - 1)
+        .map(|k| (k, lines[k].share(), prominence(&lines, k)))
+        .filter(|(_, share, prominence)| *share > LEAST_SHARE && *prominence > PROMINENT)
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
     // What the neighbouring periods explain as well says nothing.
     let beyond = (share - share / prominence) / (1.0 - share / prominence);
     let nats = -0.5 * lines[best].samples / TAU_SAMPLES * (-beyond).ln_1p() - (PERIODS.2 as f64).ln();
