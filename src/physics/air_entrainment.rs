@@ -12,6 +12,7 @@
 //! Source: bulk modulus of a liquid with entrained air, Merritt, Hydraulic Control Systems, Wiley 1967, section 2.3.
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::power::Power;
 use crate::units::{RATIO, TIME};
 
 /// The effect `air_entrainment`.
@@ -49,13 +50,16 @@ impl Effect for AirEntrainment {
         &PARAMETERS
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Air { ratio: context.dt_s / theta[0], exponent: theta[1], input: 0.0, output: 0.0 })
+        Box::new(Air { ratio: context.dt_s / theta[0], stiffness: Power::new(theta[1]), input: 0.0, output: 0.0 })
     }
 }
 
+/// A chamber that is this near to its target is there [bar].
+const SETTLED_BAR: f64 = 1e-7;
+
 struct Air {
     ratio: f64,
-    exponent: f64,
+    stiffness: Power,
     input: f64,
     output: f64,
 }
@@ -66,9 +70,13 @@ impl Block for Air {
     }
     #[inline]
     fn step(&mut self, _: f64, input: f64) -> f64 {
-        let steps = self.ratio * ((self.output.max(0.0) + 1.0) * (1.0 / 6.0)).powf(self.exponent);
         let target = 0.5 * (self.input + input);
         self.input = input;
+        if (self.output - target).abs() < SETTLED_BAR {
+            self.output = target;
+            return target;
+        }
+        let steps = self.ratio * self.stiffness.of((self.output.max(0.0) + 1.0) * (1.0 / 6.0));
         // Far above 5 bar the chamber is stiff and follows within the sample.
         self.output = if steps > 30.0 { input } else { target + (self.output - target) * (-steps).exp() };
         self.output

@@ -13,6 +13,7 @@
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
+use super::power::Power;
 use crate::units::{RATIO, TIME};
 
 /// The effect `first_order_lag`.
@@ -53,7 +54,9 @@ impl Effect for FirstOrderLag {
         if theta[1] > 0.999 {
             Box::new(Linear(FirstOrder::new(theta[0], context.dt_s)))
         } else {
-            Box::new(Orifice { loss: 1.0 - theta[1], step: (1.0 - theta[1]) * context.dt_s / theta[0], input: 0.0, output: 0.0 })
+            let loss = 1.0 - theta[1];
+            let (less, back) = (Power::new(loss), Power::new(1.0 / loss));
+            Box::new(Orifice { less, back, step: loss * context.dt_s / theta[0], input: 0.0, output: 0.0 })
         }
     }
 }
@@ -73,7 +76,8 @@ impl Block for Linear {
 
 /// The lag of an orifice: solved exactly for the mean input of the step, it reaches its target in finite time.
 struct Orifice {
-    loss: f64,
+    less: Power,
+    back: Power,
     step: f64,
     input: f64,
     output: f64,
@@ -88,8 +92,8 @@ impl Block for Orifice {
         let target = 0.5 * (self.input + input);
         self.input = input;
         let away = self.output - target;
-        let left = (away.abs().powf(self.loss) - self.step).max(0.0);
-        self.output = target + left.powf(1.0 / self.loss).copysign(away);
+        let left = (self.less.of(away.abs()) - self.step).max(0.0);
+        self.output = target + self.back.of(left).copysign(away);
         self.output
     }
 }

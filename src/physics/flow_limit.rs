@@ -64,6 +64,7 @@ impl Effect for FlowLimit {
             fall: theta[1] * context.dt_s,
             shape: theta[2],
             per_supply: 1.0 / (1.5 * span_bar),
+            free: theta[0].min(theta[1]) * context.dt_s * if theta[2] > 0.0 { LEAST_SHARE.powf(theta[2]) } else { 1.0 },
             output: 0.0,
         })
     }
@@ -77,6 +78,7 @@ struct Limit {
     fall: f64,
     shape: f64,
     per_supply: f64,
+    free: f64,
     output: f64,
 }
 
@@ -88,6 +90,11 @@ impl Block for Limit {
     fn step(&mut self, _: f64, input: f64) -> f64 {
         let wanted = input - self.output;
         let level = self.output * self.per_supply;
+        // The limits never bind below this.
+        if wanted.abs() <= self.free {
+            self.output = input;
+            return input;
+        }
         let scale = |share: f64| if self.shape > 0.0 { share.max(LEAST_SHARE).powf(self.shape) } else { 1.0 };
         self.output += if wanted > 0.0 { wanted.min(self.rise * scale(1.0 - level)) } else { wanted.max(-self.fall * scale(4.0 * level)) };
         self.output

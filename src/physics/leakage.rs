@@ -14,6 +14,7 @@
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
+use super::power::Power;
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `leakage`.
@@ -59,19 +60,19 @@ impl Effect for Leakage {
         &PARAMETERS
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Leak { loss: theta[0], exponent: theta[1], lost: FirstOrder::new(theta[2], context.dt_s) })
+        Box::new(Leak { loss: theta[0], power: Power::new(theta[1]), lost: FirstOrder::new(theta[2], context.dt_s) })
     }
 }
 
 struct Leak {
     loss: f64,
-    exponent: f64,
+    power: Power,
     lost: FirstOrder,
 }
 
 impl Leak {
     fn at(&self, pressure: f64) -> f64 {
-        if pressure > 0.0 { self.loss * (pressure * 0.1).powf(self.exponent) } else { 0.0 }
+        if pressure > 0.0 { self.loss * self.power.of(pressure * 0.1) } else { 0.0 }
     }
 }
 

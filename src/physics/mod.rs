@@ -17,6 +17,7 @@ mod nonlocal_memory;
 mod periodic_disturbance;
 mod pipeline;
 mod plant;
+mod power;
 mod rate_dependent_hysteresis;
 mod reference_drift;
 mod reference_shape;

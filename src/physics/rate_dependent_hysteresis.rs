@@ -15,6 +15,7 @@
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
+use super::power::Power;
 use crate::units::{CURRENT, PRESSURE, RATIO, TIME};
 
 /// The effect `rate_dependent_hysteresis`.
@@ -70,7 +71,8 @@ impl Effect for RateDependentHysteresis {
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
         Box::new(Widening {
             width: theta[0],
-            exponent: theta[1],
+            power: Power::new(theta[1]),
+            slow: REST_A_S.powf(theta[1] - 1.0),
             per_length: 1.0 / theta[2].max(1e-6),
             at_once: theta[2] < 1e-5,
             per_step: 1.0 / context.dt_s,
@@ -81,9 +83,13 @@ impl Effect for RateDependentHysteresis {
     }
 }
 
+/// Below this rate the current rests, and the widening is in proportion to it [A/s].
+const REST_A_S: f64 = 1e-3;
+
 struct Widening {
     width: f64,
-    exponent: f64,
+    power: Power,
+    slow: f64,
     per_length: f64,
     at_once: bool,
     per_step: f64,
@@ -102,9 +108,8 @@ impl Block for Widening {
         let travel = current_a - self.last;
         let rate = self.rate.step(travel * self.per_step);
         self.last = current_a;
-        // Below a thousandth of an ampere per second the current rests.
         let size = rate.abs();
-        let level = self.width * if size < 1e-3 { 1e3 * size * 1e-3f64.powf(self.exponent) } else { size.powf(self.exponent) };
+        let level = self.width * if size < REST_A_S { size * self.slow } else { self.power.of(size) };
         if self.at_once {
             self.lost = level.copysign(rate);
         } else if travel != 0.0 {
