@@ -35,7 +35,8 @@ fn journal_bytes(dir: &Path) -> u64 {
 /// counted, what was interrupted is ABORTED, and the others have the figures of a batch that nobody disturbed.
 #[test]
 fn fifty_kills_lose_nothing_and_tear_nothing() {
-    const VALVES: &str = "900";
+    // Enough that a machine which is slow to send a signal has not finished before the last.
+    const VALVES: &str = "6000";
     let folder = tempfile::tempdir().unwrap();
     let (killed, calm) = (folder.path().join("killed"), folder.path().join("calm"));
     let batch = |out: &Path| {
@@ -72,7 +73,7 @@ fn fifty_kills_lose_nothing_and_tear_nothing() {
     assert!(killed.damage.iter().all(|d| d.what == "torn"), "{:?}", killed.damage);
     let mut aborted = 0;
     let valves: Vec<_> = killed.tally.valves().collect();
-    assert_eq!(valves.len(), 900);
+    assert_eq!(valves.len().to_string(), VALVES);
     for (attempts, undisturbed) in valves.iter().zip(calm.tally.attempts()) {
         assert_eq!(attempts.len(), 1, "valve {} is there {} times", attempts[0].dut.serial, attempts.len());
         if attempts[0].outcome == Outcome::Aborted {
