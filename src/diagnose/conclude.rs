@@ -239,7 +239,11 @@ impl<'a> Findings<'_, 'a> {
         names.truncate(6);
         let mut close: Vec<(f64, &str)> = names
             .into_par_iter()
-            .map(|e| (fitter.fit_new(&without.model.with(e, 0.0), without, &[]).bic(effective), e.id()))
+            .map(|e| {
+                let ends: Vec<Vec<f64>> = self.search.rounds.iter().filter_map(|round| round.end_of(e)).collect();
+                let screened = fitter.screen(&without.model.with(e, 0.0), without, &ends);
+                (fitter.finish(screened, false).bic(effective), e.id())
+            })
             .filter(|(bic, _)| *bic < chosen.bic(effective) + VERY_STRONG.max(0.05 * importance))
             .collect();
         close.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -8,12 +8,30 @@ use nalgebra::{DMatrix, DVector};
 
 use super::fit::{Fit, Fitter, clamped, shifted};
 use super::loss;
-use super::model::{BASE, Free, Model, Simulator};
+use super::model::{BASE, DELAY, Free, GAIN, Model, OFFSET, Simulator};
 
 /// Steps in a row that corrected derivatives may serve.
-const CORRECTED: usize = 2;
+const CORRECTED: usize = 1;
 /// Gain of a step below which a fit is at its end [nats].
 const TRIFLE_NATS: f64 = 0.02;
+
+/// How a fit descends.
+#[derive(Debug, Clone, Copy)]
+pub struct Descent {
+    /// Most steps.
+    pub iterations: usize,
+    /// The first so many effects stay at their values.
+    pub held: usize,
+    /// Whether derivatives that are nearly right will do.
+    pub rough: bool,
+}
+
+impl Descent {
+    /// All parameters free.
+    pub fn of(iterations: usize) -> Self {
+        Self { iterations, held: 0, rough: false }
+    }
+}
 
 /// Derivatives of the simulated pressure, one column per moving parameter, in the units in which it moves.
 pub struct Slopes {
@@ -51,18 +69,12 @@ impl Slopes {
 impl Fitter<'_> {
     /// Levenberg-Marquardt from `start`, at most `iterations` steps.
     pub fn polish<'a>(&self, model: &Model<'a>, start: &[f64], iterations: usize) -> Fit<'a> {
-        self.polish_in(&mut Simulator::new(self.evidence), model, start, iterations, 0)
+        self.polish_in(&mut Simulator::new(self.evidence), model, start, Descent::of(iterations))
     }
 
-    /// As [`Fitter::polish`], with a simulator to go on with, and the first `held` effects held at their values.
-    pub fn polish_in<'a>(
-        &self,
-        simulator: &mut Simulator<'_>,
-        model: &Model<'a>,
-        start: &[f64],
-        iterations: usize,
-        held: usize,
-    ) -> Fit<'a> {
+    /// As [`Fitter::polish`], with a simulator to go on with.
+    pub fn polish_in<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, start: &[f64], descent: Descent) -> Fit<'a> {
+        let Descent { iterations, held, rough } = descent;
         let free = model.free();
         let still = if held == 0 { BASE..BASE } else { BASE..model.place(held.min(model.effects.len()) - 1).end };
         let moving: Vec<usize> = (0..free.len()).filter(|k| !still.contains(k)).collect();
@@ -71,10 +83,11 @@ impl Fitter<'_> {
         let mut damping = 1e-2;
         let mut spare = Vec::new();
         let mut kept: Option<Slopes> = None;
+        let corrected = if iterations > 5 && !self.squared { CORRECTED } else { 0 };
         for _ in 0..iterations {
-            let mut slopes = match kept.take().filter(|s| s.corrected <= CORRECTED) {
+            let mut slopes = match kept.take().filter(|s| s.corrected <= corrected) {
                 Some(slopes) => slopes,
-                None => self.slopes(simulator, model, &free, &moving, &best, &residual),
+                None => self.slopes(simulator, &free, &moving, &best, &residual, rough && !self.squared),
             };
             let Some((normal, gradient)) = self.normal_equations(&slopes, &free, &best, &residual) else { break };
             let fresh = slopes.corrected == 0;
@@ -102,7 +115,9 @@ impl Fitter<'_> {
                     damping = (damping * 0.2).max(1e-6);
                     break;
                 }
-                damping *= 8.0;
+                if fresh {
+                    damping *= 8.0;
+                }
             }
             let improved = gain * self.effective() > TRIFLE_NATS;
             if improved {
@@ -118,16 +133,19 @@ impl Fitter<'_> {
     pub fn slopes(
         &self,
         simulator: &mut Simulator<'_>,
-        model: &Model<'_>,
         free: &[Free],
         moving: &[usize],
         at: &Fit<'_>,
         residual: &[f64],
+        rough: bool,
     ) -> Slopes {
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); moving.len()];
         let mut theta = at.theta.clone();
         // The last stages first: what lies before them is kept from the fit's own simulation.
         for (column, k) in columns.iter_mut().zip(moving).rev() {
+            if rough && self.slope_at_rest(*k, at, residual, column) {
+                continue;
+            }
             let (free, here) = (&free[*k], theta[*k]);
             let mut ahead = shifted(free, here, free.step);
             if ahead == here {
@@ -135,7 +153,7 @@ impl Fitter<'_> {
             }
             let width = free.distance(here, ahead);
             theta[*k] = ahead;
-            simulator.residual(model, &theta, &self.measured, column);
+            simulator.residual(&at.model, &theta, &self.measured, column);
             theta[*k] = here;
             if width == 0.0 {
                 column.fill(0.0);
@@ -148,6 +166,25 @@ impl Fitter<'_> {
             }
         }
         Slopes { moving: moving.to_vec(), columns, corrected: 0 }
+    }
+
+    /// The derivative of base parameter `k` without a simulation, as it is where nothing after the curves is dynamic: of
+    /// the gain and the offset, and of the delay. Nothing for the others.
+    fn slope_at_rest(&self, k: usize, at: &Fit<'_>, residual: &[f64], column: &mut Vec<f64>) -> bool {
+        let pressure = || self.measured.iter().zip(residual).map(|(y, e)| y - e);
+        let known = |slope: f64| if slope.is_finite() { slope } else { 0.0 };
+        column.clear();
+        match k {
+            GAIN => column.extend(pressure().map(|p| known((p - at.theta[OFFSET]) / (1.0 + at.theta[GAIN])))),
+            OFFSET => column.resize(residual.len(), 1.0),
+            DELAY => {
+                let per_step = 1.0 / self.evidence.grids[0].dt_s;
+                column.push(0.0);
+                column.extend(pressure().zip(pressure().skip(1)).map(|(before, p)| known((before - p) * per_step)));
+            }
+            _ => return false,
+        }
+        true
     }
 
     /// Weighted normal equations J'WJ and J'We of the moving parameters at a fit, with the calibration as further rows.

@@ -1,13 +1,17 @@
-//! Fits by free simulation: Levenberg-Marquardt on a t likelihood, from several starts.
+//! Fits by free simulation, from several starts.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
+use super::descent::Descent;
 use super::evidence::Evidence;
 use super::loss;
 use super::model::{BASE, Free, Model, Simulator, UNSEEN_LAG_S};
 
 /// A recording of some hundred samples, for instance of a few steps, still counts as this many.
 const FEWEST_EFFECTIVE: f64 = 300.0;
+
+/// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
+const HOPELESS_NATS: f64 = -30.0;
 
 /// A fitted model.
 #[derive(Clone)]
@@ -32,6 +36,18 @@ impl Fit<'_> {
     pub fn bic(&self, effective: f64) -> f64 {
         let nats = 0.5 * (self.mean_nats + self.rmse_bar.ln());
         2.0 * (nats * effective + self.prior_nats - self.model.signature_nats()) + self.model.extra_parameters() as f64 * effective.ln()
+    }
+
+    /// Whether a parameter of the last effect that it cannot do without has ended at the edge of its range.
+    pub fn at_edge(&self) -> bool {
+        let Some((effect, last)) = self.model.effects.last().zip(self.model.effects.len().checked_sub(1)) else { return false };
+        let free = self.model.free();
+        let at_edge = |k: usize| {
+            let near =
+                |edge: f64| free[k].distance(self.theta[k], edge).abs() < 1e-3 * free[k].distance(free[k].range.0, free[k].range.1).abs();
+            near(free[k].range.0) || near(free[k].range.1)
+        };
+        effect.parameters().iter().zip(self.model.place(last)).any(|(p, k)| p.default.is_none() && at_edge(k))
     }
 }
 
@@ -66,8 +82,20 @@ impl<'e> Fitter<'e> {
 
     /// The loss of a parameter vector.
     pub fn score<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, theta: &[f64], residual: &mut Vec<f64>) -> Fit<'a> {
+        self.score_near(simulator, model, theta, 3.0 * self.evidence.noise_bar, residual)
+    }
+
+    /// As [`Fitter::score`], where the scale of the residual is likely near `guess_bar`.
+    pub fn score_near<'a>(
+        &self,
+        simulator: &mut Simulator<'_>,
+        model: &Model<'a>,
+        theta: &[f64],
+        guess_bar: f64,
+        residual: &mut Vec<f64>,
+    ) -> Fit<'a> {
         simulator.residual(model, theta, &self.measured, residual);
-        let scale_bar = loss::scale(residual, 0.7 * self.evidence.noise_bar, 3.0 * self.evidence.noise_bar);
+        let scale_bar = loss::scale(residual, 0.7 * self.evidence.noise_bar, guess_bar);
         let prior_nats = model.free().iter().zip(theta).filter_map(|(f, v)| f.prior.map(|p| p.nats(*v))).sum();
         let (sum, n) = residual.iter().filter(|e| e.is_finite()).fold((0.0, 0usize), |(s, n), e| (s + e * e, n + 1));
         let rmse_bar = (sum / n.max(1) as f64).sqrt().max(1e-9);
@@ -82,123 +110,9 @@ impl<'e> Fitter<'e> {
     }
 
     /// What a fit minimises [nats per sample].
-    fn objective(&self, fit: &Fit<'_>) -> f64 {
+    pub fn objective(&self, fit: &Fit<'_>) -> f64 {
         let nats = if self.squared { fit.rmse_bar.ln() } else { fit.mean_nats };
         nats + fit.prior_nats / self.effective()
-    }
-
-    /// Levenberg-Marquardt from `start`, at most `iterations` steps.
-    pub fn polish<'a>(&self, model: &Model<'a>, start: &[f64], iterations: usize) -> Fit<'a> {
-        self.polish_in(&mut Simulator::new(self.evidence), model, start, iterations, 0)
-    }
-
-    /// As [`Fitter::polish`], with a simulator to go on with, and the first `held` effects held at their values.
-    fn polish_in<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, start: &[f64], iterations: usize, held: usize) -> Fit<'a> {
-        let free = model.free();
-        let still = if held == 0 { BASE..BASE } else { BASE..model.place(held.min(model.effects.len()) - 1).end };
-        let moving: Vec<usize> = (0..free.len()).filter(|k| !still.contains(k)).collect();
-        let mut residual = Vec::new();
-        let mut best = self.score(simulator, model, &clamped(&free, start), &mut residual);
-        let mut damping = 1e-2;
-        let mut spare = Vec::new();
-        for _ in 0..iterations {
-            let Some((normal, gradient)) = self.normal_equations(simulator, model, &free, &moving, &best, &residual) else { break };
-            let mut improved = false;
-            for _ in 0..4 {
-                let mut damped = normal.clone();
-                for k in 0..moving.len() {
-                    damped[(k, k)] = normal[(k, k)] * (1.0 + damping) + 1e-12;
-                }
-                let Some(step) = damped.cholesky().map(|c| c.solve(&gradient)) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let mut moved = best.theta.clone();
-                for (k, s) in moving.iter().zip(step.iter()) {
-                    moved[*k] = shifted(&free[*k], moved[*k], *s);
-                }
-                let next = self.score(simulator, model, &moved, &mut spare);
-                let gain = self.objective(&best) - self.objective(&next);
-                if gain > 0.0 {
-                    std::mem::swap(&mut residual, &mut spare);
-                    best = next;
-                    damping = (damping * 0.2).max(1e-6);
-                    improved = gain * self.effective() > 0.02;
-                    break;
-                }
-                damping *= 8.0;
-            }
-            if !improved {
-                break;
-            }
-        }
-        best
-    }
-
-    /// Weighted normal equations J'WJ and J'We of the moving parameters at a fit, with the calibration as further rows.
-    fn normal_equations(
-        &self,
-        simulator: &mut Simulator<'_>,
-        model: &Model<'_>,
-        free: &[Free],
-        moving: &[usize],
-        at: &Fit<'_>,
-        residual: &[f64],
-    ) -> Option<(DMatrix<f64>, DVector<f64>)> {
-        let p = moving.len();
-        let scale_bar = if self.squared { at.rmse_bar } else { at.scale_bar };
-        let plain = |e: &f64| if e.is_finite() { 1.0 } else { 0.0 };
-        let weights: Vec<f64> = residual.iter().map(|e| if self.squared { plain(e) } else { loss::weight(*e, scale_bar) }).collect();
-        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); p];
-        let mut theta = at.theta.clone();
-        // The last stages first: what lies before them is kept from the fit's own simulation.
-        for (column, k) in columns.iter_mut().zip(moving).rev() {
-            let (free, here) = (&free[*k], theta[*k]);
-            let mut ahead = shifted(free, here, free.step);
-            if ahead == here {
-                ahead = shifted(free, here, -free.step);
-            }
-            let width = if free.log { (ahead / here).ln() } else { ahead - here };
-            theta[*k] = ahead;
-            simulator.residual(model, &theta, &self.measured, column);
-            theta[*k] = here;
-            if width == 0.0 {
-                column.fill(0.0);
-                continue;
-            }
-            for (d, e) in column.iter_mut().zip(residual) {
-                // Derivative of the simulated pressure.
-                let slope = (e - *d) / width;
-                *d = if slope.is_finite() { slope } else { 0.0 };
-            }
-        }
-        let mut normal = DMatrix::zeros(p, p);
-        let mut gradient = DVector::zeros(p);
-        let weighted: Vec<f64> = weights.iter().zip(residual).map(|(w, e)| if *w > 0.0 { w * e } else { 0.0 }).collect();
-        let mut product = vec![0.0; weights.len()];
-        for i in 0..p {
-            for ((out, w), d) in product.iter_mut().zip(&weights).zip(&columns[i]) {
-                *out = w * d;
-            }
-            for j in 0..=i {
-                let sum: f64 = dot(&product, &columns[j]);
-                normal[(i, j)] = sum;
-                normal[(j, i)] = sum;
-            }
-            gradient[i] = dot(&weighted, &columns[i]);
-        }
-        // In units of one effective sample's nats.
-        let unit = 1.0 / (scale_bar * scale_bar * self.tau_samples);
-        normal *= unit;
-        gradient *= unit;
-        for (row, k) in moving.iter().enumerate() {
-            if let Some(prior) = free[*k].prior {
-                let stiffness = prior.stiffness(at.theta[*k]);
-                normal[(row, row)] += stiffness;
-                gradient[row] += stiffness * (prior.mean - at.theta[*k]);
-            }
-        }
-        normal.iter().all(|v| v.is_finite()).then_some((normal, gradient))
     }
 
     /// Standard errors of all parameters, from the normal equations on effective samples, so that they are inflated
@@ -210,7 +124,8 @@ impl<'e> Fitter<'e> {
         self.score(&mut simulator, &fit.model, &fit.theta, &mut residual);
         let infinite = vec![f64::INFINITY; free.len()];
         let all: Vec<usize> = (0..free.len()).collect();
-        let Some((normal, _)) = self.normal_equations(&mut simulator, &fit.model, &free, &all, fit, &residual) else { return infinite };
+        let slopes = self.slopes(&mut simulator, &free, &all, fit, &residual, false);
+        let Some((normal, _)) = self.normal_equations(&slopes, &free, fit, &residual) else { return infinite };
         // Information of a t distribution is (nu + 1)/(nu + 3) of the weighted normal equations' expectation.
         let scale: Vec<f64> = (0..free.len()).map(|k| 1.0 / normal[(k, k)].max(1e-300).sqrt()).collect();
         let scaled =
@@ -220,11 +135,23 @@ impl<'e> Fitter<'e> {
         (0..free.len()).map(variance).collect()
     }
 
-    /// Fits `model`, whose last effect is new: from every start of that effect a few steps with the earlier effects
-    /// held, the best two to the end with all parameters free.
+    /// Fits `model`, whose last effect is new.
     pub fn fit_new<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, hints: &[Vec<f64>]) -> Fit<'a> {
+        let starts = [model.starts(model.effects[model.effects.len() - 1]).as_slice(), hints].concat();
+        let screened = self.screen(model, incumbent, &starts);
+        let hopeless = self.gain(incumbent, &screened[0]) < HOPELESS_NATS && screened[0].rmse_bar > incumbent.rmse_bar;
+        self.finish(screened, hopeless)
+    }
+
+    /// What `next` gains over `fit` in what a fit minimises [nats].
+    pub fn gain(&self, fit: &Fit<'_>, next: &Fit<'_>) -> f64 {
+        (self.objective(fit) - self.objective(next)) * self.effective()
+    }
+
+    /// The best fits, best first and at least one, of `model`, whose last effect is new: a few steps from every one of
+    /// `starts` of that effect, with the earlier effects held at first.
+    pub fn screen<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, starts: &[Vec<f64>]) -> Vec<Fit<'a>> {
         let held = model.effects.len() - 1;
-        let effect = model.effects[held];
         let mut simulator = Simulator::new(self.evidence);
         let mut residual = Vec::new();
         // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back.
@@ -232,7 +159,7 @@ impl<'e> Fitter<'e> {
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[BASE - 1] += 0.5 * UNSEEN_LAG_S;
         let mut tried: Vec<Fit<'a>> = Vec::new();
-        for values in model.starts(effect).iter().chain(hints) {
+        for values in starts {
             for base in [&incumbent.theta, &calibrated] {
                 let theta = [base.as_slice(), values.as_slice()].concat();
                 tried.push(self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual));
@@ -242,22 +169,28 @@ impl<'e> Fitter<'e> {
         tried.sort_by(order);
         tried.truncate(6);
         // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back.
-        let mut tried: Vec<Fit<'a>> = tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, 2, held + 1)).collect();
+        let mut tried: Vec<Fit<'a>> = tried
+            .iter()
+            .map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 2, held: held + 1, rough: true }))
+            .collect();
         tried.sort_by(order);
         tried.truncate(3);
-        let mut rough: Vec<Fit<'a>> = tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, 3, held)).collect();
+        let mut rough: Vec<Fit<'a>> =
+            tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 4, held, rough: true })).collect();
         rough.sort_by(order);
-        // What a few steps bring nowhere near the incumbent is not worth the rest.
-        let hopeless =
-            (self.objective(&rough[0]) - self.objective(incumbent)) * self.effective() > 30.0 && rough[0].rmse_bar > incumbent.rmse_bar;
-        let steps = if hopeless { 4 } else { 12 };
+        rough
+    }
+
+    /// The best of what [`Fitter::screen`] has found, brought to the end with all parameters free; only a few steps where
+    /// it is hopeless.
+    pub fn finish<'a>(&self, mut rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
+        let mut simulator = Simulator::new(self.evidence);
         // A second start goes on only where it may still win.
-        let near = |f: &Fit<'_>| (self.objective(f) - self.objective(&rough[0])) * self.effective() < 6.0;
-        let keep = if hopeless || rough.len() < 2 || !near(&rough[1]) { 1 } else { 2 };
-        rough.truncate(keep);
-        let mut fine: Vec<Fit<'a>> = rough.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, steps, 0)).collect();
-        fine.sort_by(order);
-        let best = fine.swap_remove(0);
+        let both = !hopeless && rough.len() > 1 && self.gain(&rough[1], &rough[0]) < 6.0;
+        rough.truncate(if both { 2 } else { 1 });
+        let steps = if hopeless { 5 } else { 18 };
+        let fine = rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
+        let best = fine.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
         if hopeless { best } else { self.walk(&mut simulator, best) }
     }
 
@@ -276,7 +209,7 @@ impl<'e> Fitter<'e> {
                     };
                     let mut theta = best.theta.clone();
                     theta[k] = shifted(&free[k], theta[k], sign * step);
-                    let next = self.score(simulator, &best.model, &theta, &mut residual);
+                    let next = self.score_near(simulator, &best.model, &theta, best.scale_bar, &mut residual);
                     if self.objective(&next) < self.objective(&best) {
                         best = next;
                         break;
@@ -303,7 +236,7 @@ impl<'e> Fitter<'e> {
 
     /// Refits a model from a vector, for instance after an effect was taken out.
     pub fn refit<'a>(&self, model: &Model<'a>, start: &[f64]) -> Fit<'a> {
-        self.polish(model, start, 12)
+        self.polish(model, start, 18)
     }
 
     /// "Recalibrate only": the base parameters free, from several starts, the same effort as a candidate gets.
@@ -318,29 +251,16 @@ impl<'e> Fitter<'e> {
             starts.push(s);
         }
         starts.extend(others.iter().map(|t| t[..BASE].to_vec()));
-        let fits = starts.iter().map(|s| self.polish_in(&mut simulator, model, s, 10, 0));
+        let fits = starts.iter().map(|s| self.polish_in(&mut simulator, model, s, Descent::of(10)));
         fits.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| self.polish(model, &start, 10))
     }
 }
 
-/// Sum of products in four lanes, which the compiler makes vector instructions of.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; 4];
-    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a4.zip(b4) {
-        for l in 0..4 {
-            lanes[l] += x[l] * y[l];
-        }
-    }
-    lanes.iter().sum::<f64>() + rest
-}
-
-fn shifted(free: &Free, value: f64, step: f64) -> f64 {
+pub fn shifted(free: &Free, value: f64, step: f64) -> f64 {
     let moved = if free.log { value * step.clamp(-1.5, 1.5).exp() } else { value + step };
     moved.clamp(free.range.0, free.range.1)
 }
 
-fn clamped(free: &[Free], theta: &[f64]) -> Vec<f64> {
+pub fn clamped(free: &[Free], theta: &[f64]) -> Vec<f64> {
     free.iter().zip(theta).map(|(f, v)| v.clamp(f.range.0, f.range.1)).collect()
 }

@@ -5,6 +5,7 @@
 //! what held-out stretches show. This room knows no effect by name.
 
 mod conclude;
+mod descent;
 mod diagnosis;
 mod evidence;
 mod experiment;

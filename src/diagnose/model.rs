@@ -17,6 +17,13 @@ pub struct Free {
     pub prior: Option<Prior>,
 }
 
+impl Free {
+    /// How far it moves from one value to another, in the units in which it moves.
+    pub fn distance(&self, from: f64, to: f64) -> f64 {
+        if self.log { (to / from).ln() } else { to - from }
+    }
+}
+
 /// What the calibration says of one parameter.
 #[derive(Debug, Clone, Copy)]
 pub struct Prior {
@@ -58,6 +65,12 @@ impl Prior {
 
 /// What "recalibrate" may move, in the order of the vector: the parameters that the base model already has.
 pub const BASE: usize = 6;
+/// Place of the change of the gain,
+pub const GAIN: usize = 0;
+/// of the offset [bar],
+pub const OFFSET: usize = 1;
+/// and of delay and lag together [s].
+pub const DELAY: usize = 4;
 
 /// Largest lag that the slow sweep of an identification cannot see: coil, spool and hold of the command [s].
 pub const UNSEEN_LAG_S: f64 = 0.015;

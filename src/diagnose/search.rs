@@ -28,6 +28,10 @@ const WORTH: f64 = 0.05;
 const NET: f64 = 0.75;
 /// and so must what the effect itself does to the pressure.
 const TRIFLE: f64 = 0.5;
+/// Share of the best candidate's gain after a few steps from which on a candidate is fitted to the end,
+const PROMISING: f64 = 0.3;
+/// and how many are in any case.
+const FINALISTS: usize = 8;
 /// Chance of its held-out gain up to which a further effect is confirmed.
 const CONFIRMED: f64 = 0.05;
 
@@ -47,6 +51,14 @@ pub struct Round<'a> {
     pub ranked: Vec<Ranked<'a>>,
     /// Effective samples that they were compared on.
     pub effective: f64,
+}
+
+impl Round<'_> {
+    /// Where the fit of an effect has ended.
+    pub fn end_of(&self, effect: &dyn Effect) -> Option<Vec<f64>> {
+        let fit = &self.ranked.iter().find(|c| c.effect.id() == effect.id())?.fit;
+        Some(fit.theta[fit.model.place(fit.model.effects.len() - 1)].to_vec())
+    }
 }
 
 /// The outcome of a search.
@@ -139,7 +151,9 @@ fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>])
     let fewest = as_good.iter().map(|r| r.fit.model.extra_parameters()).min()?;
     let lean = || as_good.iter().filter(|r| r.fit.model.extra_parameters() == fewest);
     let most = lean().map(|r| gain(r)).fold(f64::NEG_INFINITY, f64::max);
-    lean().filter(|r| gain(r) > most - TIE).min_by_key(|r| r.effect.parameters().len()).map(|r| r.fit.clone())
+    // An effect at the edge of its range explains by what it does not mean to be.
+    let nature = |r: &&&Ranked<'a>| (r.fit.at_edge(), r.effect.parameters().len());
+    lean().filter(|r| gain(r) > most - TIE).min_by_key(nature).map(|r| r.fit.clone())
 }
 
 /// The incumbent, refitted from where its best challengers ended: otherwise it loses by its own missed optimum.
@@ -171,15 +185,25 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         })
         .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()))
         .collect();
-    open.into_par_iter()
+    let screened: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> = open
+        .into_par_iter()
         .map(|effect| {
             let hint = hint(fitter, &residual, &pressure, incumbent);
-            let mut proposals = effect.propose(&hint);
-            // Where it ended in the round before.
-            let last = before.and_then(|r| r.ranked.iter().find(|c| c.effect.id() == effect.id()));
-            proposals.extend(last.map(|c| c.fit.theta[c.fit.model.place(c.fit.model.effects.len() - 1)].to_vec()));
             let model = incumbent.model.with(effect, effect.signature_nats(&hint));
-            Ranked { effect, fit: fitter.fit_new(&model, incumbent, &proposals) }
+            let mut starts = model.starts(effect);
+            starts.extend(effect.propose(&hint));
+            starts.extend(before.and_then(|round| round.end_of(effect)));
+            (effect, fitter.screen(&model, incumbent, &starts))
+        })
+        .collect();
+    let mut gains: Vec<f64> = screened.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).collect();
+    gains.sort_by(|a, b| b.total_cmp(a));
+    let needed = (PROMISING * gains.first().copied().unwrap_or(0.0)).min(gains.get(FINALISTS).copied().unwrap_or(f64::NEG_INFINITY));
+    screened
+        .into_par_iter()
+        .map(|(effect, fits)| {
+            let hopeless = fitter.gain(incumbent, &fits[0]) < needed;
+            Ranked { effect, fit: fitter.finish(fits, hopeless) }
         })
         .collect()
 }
@@ -196,6 +220,7 @@ fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], in
         residual_bar: &residual[..grids[0].current_a.len()],
         pressure_bar: &pressure[..grids[0].current_a.len()],
         scale_bar: incumbent.scale_bar,
+        recalibrated: (incumbent.theta[0], incumbent.theta[1]),
     }
 }
 

@@ -12,7 +12,6 @@
 //! Source: bulk modulus of a liquid with entrained air, Merritt, Hydraulic Control Systems, Wiley 1967, section 2.3.
 
 use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
-use super::power::Power;
 use crate::units::{RATIO, TIME};
 
 /// The effect `air_entrainment`.
@@ -50,18 +49,36 @@ impl Effect for AirEntrainment {
         &PARAMETERS
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Air { ratio: context.dt_s / theta[0], stiffness: Power::new(theta[1]), input: 0.0, output: 0.0 })
+        let mut air = Air { table: Vec::new(), ratio: context.dt_s / theta[0], exponent: theta[1], input: 0.0, output: 0.0 };
+        air.table = (0..=TABLE_BAR * PER_BAR).map(|k| air.left(k as f64 / PER_BAR as f64)).collect();
+        Box::new(air)
     }
 }
 
 /// A chamber that is this near to its target is there [bar].
 const SETTLED_BAR: f64 = 1e-7;
 
+/// Below this share the chamber is at its target at the end of the step, not half a step behind.
+const STIFF: f64 = 1e-13;
+/// The share of the way that is left after one step is tabulated up to this pressure [bar],
+const TABLE_BAR: usize = 32;
+/// at so many places per bar.
+const PER_BAR: usize = 16;
+
 struct Air {
+    /// Share of the way left after one step, over pressure.
+    table: Vec<f64>,
     ratio: f64,
-    stiffness: Power,
+    exponent: f64,
     input: f64,
     output: f64,
+}
+
+impl Air {
+    /// Share of the way to the target that is left after one step from this pressure [bar].
+    fn left(&self, pressure_bar: f64) -> f64 {
+        (-self.ratio * ((pressure_bar + 1.0) / 6.0).powf(self.exponent)).exp()
+    }
 }
 
 impl Block for Air {
@@ -76,9 +93,14 @@ impl Block for Air {
             self.output = target;
             return target;
         }
-        let steps = self.ratio * self.stiffness.of((self.output.max(0.0) + 1.0) * (1.0 / 6.0));
+        let place = self.output.max(0.0) * PER_BAR as f64;
+        let k = place as usize;
+        let left = match self.table.get(k..k + 2) {
+            Some(pair) => pair[0] + (pair[1] - pair[0]) * (place - k as f64),
+            None => self.left(self.output),
+        };
         // Far above 5 bar the chamber is stiff and follows within the sample.
-        self.output = if steps > 30.0 { input } else { target + (self.output - target) * (-steps).exp() };
+        self.output = if left < STIFF { input } else { target + (self.output - target) * left };
         self.output
     }
 }

@@ -214,6 +214,8 @@ pub struct Hint<'a> {
     pub pressure_bar: &'a [f64],
     /// Robust scale of the residual [bar].
     pub scale_bar: f64,
+    /// By how much new values of the calibration have raised the gain [-] and the offset [bar] of the curves.
+    pub recalibrated: (f64, f64),
 }
 
 /// What an effect of the scatter looks at.

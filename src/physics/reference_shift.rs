@@ -13,7 +13,7 @@
 //!
 //! Source: paper, "error due to oil temperature" of the two clutches.
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Hint, Parameter, Stage, Theta};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `reference_shift`.
@@ -65,6 +65,10 @@ impl Effect for ReferenceShift {
             },
         ];
         &PARAMETERS
+    }
+    fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
+        // What a recalibration would stand in for.
+        vec![vec![hint.recalibrated.0, hint.recalibrated.1, 0.0, 0.0]]
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
         let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);

@@ -188,6 +188,7 @@ mod tests {
             residual_bar: &residual_bar,
             pressure_bar: &pressure_bar,
             scale_bar: 0.3,
+            recalibrated: (0.0, 0.0),
         })
     }
 
