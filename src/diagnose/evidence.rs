@@ -6,6 +6,8 @@ use crate::recording::{Recording, Run};
 /// Fewest usable samples in all.
 const FEWEST_SAMPLES: usize = 200;
 
+/// A recording with this step or a longer one shows a process [s].
+const SLOW_STEP_S: f64 = 0.25;
 /// A current that moves in fewer samples than this share is one of steps.
 const STEPS: f64 = 0.05;
 
@@ -110,6 +112,11 @@ impl Evidence {
         let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), i| (l.min(*i), h.max(*i)));
         let moves = self.grids.iter().flat_map(|g| g.current_a.windows(2)).filter(|w| (w[1] - w[0]).abs() > 1e-3 * (high - low)).count();
         (moves as f64) < STEPS * self.samples() as f64
+    }
+
+    /// Whether the samples are too far apart for a valve's dynamics, so that a process behind the valve is what they show.
+    pub fn is_slow(&self) -> bool {
+        self.grids[0].dt_s >= SLOW_STEP_S
     }
 
     /// Samples in all, used or not.

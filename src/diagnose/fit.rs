@@ -246,8 +246,8 @@ impl<'e> Fitter<'e> {
         let mut starts = vec![start.clone()];
         for (more, lag) in [(0.0, 0.008), (0.008, 0.003), (0.004, 0.014)] {
             let mut s = start.clone();
-            s[4] += more;
-            s[5] += lag;
+            s[4] += more * model.slowness;
+            s[5] += lag * model.slowness;
             starts.push(s);
         }
         starts.extend(others.iter().map(|t| t[..BASE].to_vec()));

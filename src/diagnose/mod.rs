@@ -68,6 +68,13 @@ pub enum DiagnoseError {
 pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, DiagnoseError> {
     let mut evidence = Evidence::of(recording)?;
     let mut base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) })?;
+    if evidence.is_slow() {
+        base = base.of_process(evidence.grids[0].dt_s);
+        evidence.notes.push(format!(
+            "a sample every {} s shows a process rather than the valve in it: its lag counts as part of the model, and only friction and play of the valve are looked for",
+            evidence.grids[0].dt_s
+        ));
+    }
     if let Some(problem) = evidence.mismatch(valve) {
         return Err(DiagnoseError::Recording { source_name: recording.source.clone(), problem });
     }

@@ -75,6 +75,11 @@ pub const DELAY: usize = 4;
 /// Largest lag that the slow sweep of an identification cannot see: coil, spool and hold of the command [s].
 pub const UNSEEN_LAG_S: f64 = 0.015;
 
+/// Samples that the lag of a process may last.
+const LONGEST_PROCESS: f64 = 60.0;
+/// The step with which valves are recorded [s].
+const VALVE_STEP_S: f64 = 0.01;
+
 /// The lag that coil, spool and hold usually have, and its spread [s].
 const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 
@@ -103,6 +108,8 @@ pub struct Model<'a> {
     held: Vec<Vec<bool>>,
     /// Largest lag that counts as part of the base [s].
     lag_limit_s: f64,
+    /// How much slower than a valve the recorded process is.
+    pub slowness: f64,
 }
 
 impl<'a> Model<'a> {
@@ -119,6 +126,7 @@ impl<'a> Model<'a> {
             signature_nats: Vec::new(),
             held: Vec::new(),
             lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S,
+            slowness: 1.0,
         })
     }
 
@@ -126,6 +134,11 @@ impl<'a> Model<'a> {
     /// recording does not confirm, is then an effect like any other.
     pub fn distrusting_lag(&self) -> Self {
         Self { lag_limit_s: UNSEEN_LAG_S, ..self.clone() }
+    }
+
+    /// This model for a recording of a process with samples of `dt_s`, whose lag is part of the base however long it is.
+    pub fn of_process(&self, dt_s: f64) -> Self {
+        Self { lag_limit_s: LONGEST_PROCESS * dt_s, slowness: dt_s / VALVE_STEP_S, ..self.clone() }
     }
 
     /// Whether this lag [s] is what the model has, or too small to be seen.
@@ -186,7 +199,7 @@ impl<'a> Model<'a> {
         let (bottom, top) = self.valve.curves.pressure_range_bar();
         // Offset and loop width in parts of the pressure that the curves span.
         let part = if (0.2..5.0).contains(&((top - bottom) / 30.0)) { 1.0 } else { (top - bottom).abs() / 30.0 };
-        let unit = [1.0, part, part, 1.0, 1.0];
+        let unit = [1.0, part, part, 1.0, self.slowness];
         let linear = |k: usize, half: f64, step: f64| Free {
             range: (start[k] - half * unit[k], start[k] + half * unit[k]),
             log: false,
@@ -197,12 +210,12 @@ impl<'a> Model<'a> {
                 heavy: if k == 4 && self.valve.lag_s > self.lag_limit_s { Heavy::Both } else { HEAVY[k] },
             }),
         };
-        let delay = Free { range: (0.0, start[4] + 0.15), ..linear(4, 0.0, 3e-4) };
+        let delay = Free { range: (0.0, start[4] + 0.15 * self.slowness), ..linear(4, 0.0, 3e-4 * self.slowness) };
         let usual = Prior { mean: USUAL_LAG_S.0, sigma: USUAL_LAG_S.1, heavy: Heavy::Below };
         let lag = Free {
             range: (0.0, self.lag_limit_s),
             log: false,
-            step: 3e-4,
+            step: 3e-4 * self.slowness,
             prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
         };
         let mut free = vec![linear(0, 0.3, 1e-4), linear(1, 3.0, 2e-3), linear(2, 3.0, 2e-3), linear(3, 5.0, 0.02), delay, lag];

@@ -6,7 +6,7 @@ use super::fit::{Fit, Fitter};
 use super::heldout::held_out;
 use super::loss;
 use super::model::{Model, Simulator};
-use crate::physics::{EFFECTS, Effect, Hint, Kind};
+use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 
 /// Most effects that are claimed at once.
 pub const MOST_EFFECTS: usize = 3;
@@ -169,7 +169,8 @@ fn counted(effects: &[&'static dyn Effect]) -> usize {
     effects.iter().filter(|e| e.kind() == Kind::Course).count()
 }
 
-/// Every effect of the course that the incumbent does not have, fitted jointly with it.
+/// Every effect of the course that the incumbent does not have, fitted jointly with it. A recording that is slower than a
+/// valve shows the process behind it, which no effect after the spool can be told from.
 fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Round<'a>>) -> Vec<Ranked<'a>> {
     let mut simulator = Simulator::new(fitter.evidence);
     let mut pressure = Vec::new();
@@ -184,6 +185,7 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
             Kind::Scatter => false,
         })
         .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()))
+        .filter(|e| !fitter.evidence.is_slow() || e.stage() == Stage::Spool)
         .collect();
     let screened: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> = open
         .into_par_iter()
