@@ -1,13 +1,50 @@
-//! Where the time of a diagnosis goes: samples per second of each effect, and a whole diagnosis of a drive of 60 s.
+//! Where the time of a diagnosis goes, on a drive of 120 s at 100 Hz: simulated samples per second of each effect, fits
+//! per second of each candidate of the search, one plain least-squares fit, and a whole diagnosis.
+//!
+//! Both lists come from the library, so that a new effect is measured by itself. The data of the plain fits are written
+//! to `target/tmp/`, where `benches/scipy_fit.py` makes the same fits with NumPy and SciPy.
 
 use std::hint::black_box;
+use std::path::Path;
+use std::time::Duration;
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use hil::physics::{EFFECTS, simulate, specification};
+use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime};
+use hil::diagnose::DiagnoseError;
+use hil::physics::{EFFECTS, Kind, simulate, specification};
 use hil::recording::{Recording, Run};
 use hil::valve::Valve;
 
-fn valve() -> Valve {
+// The fits of the search are no part of the library's interface: its own files are compiled in.
+use hil::{physics, recording, valve};
+#[path = "../src/diagnose/descent.rs"]
+#[allow(dead_code)]
+mod descent;
+#[path = "../src/diagnose/evidence.rs"]
+#[allow(dead_code)]
+mod evidence;
+#[path = "../src/diagnose/fit.rs"]
+#[allow(dead_code)]
+mod fit;
+#[path = "../src/diagnose/loss.rs"]
+#[allow(dead_code, unused_imports)]
+mod loss;
+#[path = "../src/diagnose/model.rs"]
+#[allow(dead_code)]
+mod model;
+
+#[path = "diagnose/least_squares.rs"]
+mod least_squares;
+
+use least_squares::Problem;
+
+/// Samples of the drive, and its time step [s].
+const SAMPLES: usize = 12_000;
+const STEP_S: f64 = 0.01;
+
+/// The plain fits: the effect, and its first parameter in the recording that is fitted.
+const PLAIN: [(&str, f64); 2] = [("first_order_lag", 0.05), ("reversal_dead_band", 0.03)];
+
+fn calibrated() -> Valve {
     let text = r#"
         schema = "hil.valve/1"
         name = "bench"
@@ -22,40 +59,94 @@ fn valve() -> Valve {
     Valve::from_toml(text, "bench").expect("the bench's valve is valid")
 }
 
-/// Ramps, holds and small sines, and a reproducible ripple in place of noise.
-fn drive(n: usize) -> (Vec<f64>, Vec<f64>) {
-    let time: Vec<f64> = (0..n).map(|k| k as f64 * 0.01).collect();
+/// Bumps of changing height and a small sine: fast and slow, up and down, between 0.2 A and 0.8 A.
+fn drive() -> (Vec<f64>, Vec<f64>) {
+    let time: Vec<f64> = (0..SAMPLES).map(|k| k as f64 * STEP_S).collect();
     let current = time.iter().map(|t| 0.5 + 0.3 * (0.37 * t).sin().signum() * (0.9 * t).sin().powi(2) + 0.02 * (11.0 * t).sin()).collect();
     (time, current)
 }
 
+/// What a valve with this effect would have shown, with a reproducible ripple in place of noise.
+fn recorded(id: &str, first: f64) -> Run {
+    let (time_s, current_a) = drive();
+    let effect = hil::physics::effect(id).expect("the library has the effect");
+    let theta: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(first)).collect();
+    let mut valve = calibrated();
+    valve.effects.push(specification(effect, &theta));
+    let pressure = simulate(&valve, &time_s, &current_a).expect("the bench's drive can be simulated");
+    let noisy = pressure.iter().enumerate().map(|(k, p)| p + 0.04 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
+    Run { time_s, current_a, pressure_bar: Some(noisy), ..Run::default() }
+}
+
+fn recording_of(run: Run) -> Recording {
+    Recording { source: "bench".into(), runs: vec![run], notes: Vec::new() }
+}
+
+fn group<'c>(c: &'c mut Criterion, name: &str, measurement_s: u64) -> BenchmarkGroup<'c, WallTime> {
+    let mut group = c.benchmark_group(name);
+    group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(measurement_s));
+    group
+}
+
+/// A simulation with each effect of the library: samples per second.
 fn effects(c: &mut Criterion) {
-    let (time, current) = drive(12_000);
-    let mut group = c.benchmark_group("effect");
-    group.throughput(Throughput::Elements(time.len() as u64));
+    let (time, current) = drive();
+    let mut group = group(c, "effect", 2);
+    group.sample_size(40).throughput(Throughput::Elements(time.len() as u64));
+    let mut plain = calibrated();
+    group.bench_function("none", |b| b.iter(|| simulate(&plain, black_box(&time), black_box(&current))));
     for effect in EFFECTS {
         let theta: Vec<f64> = effect.parameters().iter().map(|p| p.starts[0]).collect();
-        let mut valve = valve();
-        valve.effects.push(specification(*effect, &theta));
-        group.bench_function(effect.id(), |b| b.iter(|| simulate(&valve, black_box(&time), black_box(&current))));
+        plain.effects = vec![specification(*effect, &theta)];
+        group.bench_function(effect.id(), |b| b.iter(|| simulate(&plain, black_box(&time), black_box(&current))));
     }
     group.finish();
 }
 
-fn diagnosis(c: &mut Criterion) {
-    let (time_s, current_a) = drive(6_000);
-    let mut true_valve = valve();
-    true_valve.lag_s = 0.05;
-    let pressure = simulate(&true_valve, &time_s, &current_a).expect("the bench's drive can be simulated");
-    let noisy = pressure.iter().enumerate().map(|(k, p)| p + 0.04 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
-    let run = Run { time_s, current_a, pressure_bar: Some(noisy), ..Run::default() };
-    let recording = Recording { source: "bench".into(), runs: vec![run], notes: Vec::new() };
-    let valve = valve();
-    let mut group = c.benchmark_group("diagnose");
-    group.sample_size(10);
-    group.bench_function("60 s at 100 Hz, whole library", |b| b.iter(|| hil::diagnose::diagnose(black_box(&recording), &valve)));
+/// The fit of each candidate as the first round of a search makes it, base and effect together from all of the effect's
+/// starts, on a recording of a valve with a lag: fits per second on one core.
+fn candidates(c: &mut Criterion) {
+    let recording = recording_of(recorded("first_order_lag", 0.05));
+    let valve = calibrated();
+    let evidence = evidence::Evidence::of(&recording).expect("the bench's recording carries a diagnosis");
+    let base = model::Model::base(&valve).expect("the bench's valve can be simulated");
+    let fitter = fit::Fitter::new(&evidence);
+    let null = fitter.recalibrate(&base, &[]);
+    let mut group = group(c, "candidate", 2);
+    group.throughput(Throughput::Elements(1));
+    for effect in EFFECTS.iter().filter(|e| e.kind() != Kind::Scatter) {
+        let model = base.with(*effect, 0.0);
+        group.bench_function(effect.id(), |b| b.iter(|| fitter.fit_new(&model, black_box(&null), &[])));
+    }
     group.finish();
 }
 
-criterion_group!(benches, effects, diagnosis);
+/// One least-squares fit from one start, and one simulation of it: what `benches/scipy_fit.py` does too.
+fn plain_fits(c: &mut Criterion) {
+    let mut group = group(c, "plain fit", 5);
+    for (id, first) in PLAIN {
+        let run = recorded(id, first);
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{id}.csv"));
+        recording_of(run.clone()).write(&path).expect("target/tmp can be written");
+        let problem = Problem { valve: &calibrated(), effect: id, run: &run, step_s: STEP_S };
+        let fitted = problem.fit();
+        eprintln!("{id}: {:.4?} at {:.4} bar after {} simulations", fitted.theta, fitted.rmse_bar, fitted.simulations);
+        assert!((fitted.theta[4] / first - 1.0).abs() < 0.05, "the fit of {id} does not find what was put in");
+        let start = problem.start();
+        group.bench_function(format!("{id}, one simulation"), |b| b.iter(|| problem.residual(black_box(&start))));
+        group.bench_function(format!("{id}, fit"), |b| b.iter(|| problem.fit()));
+    }
+    group.finish();
+}
+
+/// A whole diagnosis on all cores.
+fn diagnosis(c: &mut Criterion) {
+    let recording = recording_of(recorded("first_order_lag", 0.05));
+    let valve = calibrated();
+    let mut group = group(c, "diagnose", 10);
+    group.bench_function("120 s at 100 Hz, whole library", |b| b.iter(|| hil::diagnose::diagnose(black_box(&recording), &valve)));
+    group.finish();
+}
+
+criterion_group!(benches, effects, candidates, plain_fits, diagnosis);
 criterion_main!(benches);
