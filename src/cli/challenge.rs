@@ -97,18 +97,21 @@ struct Processes<'a> {
     program: &'a Path,
     /// Holds the sweep and the drive of the case, and what is made of them.
     blind: PathBuf,
-    /// Holds the second drive and the healthy twin.
+    /// Holds the second drive.
     scoring: PathBuf,
+    /// Holds the healthy twin.
+    twin: PathBuf,
     asked: usize,
 }
 
 impl<'a> Processes<'a> {
     fn new(program: &'a Path, folder: &Path, number: usize) -> Result<Self, ChallengeError> {
         let (blind, scoring) = (folder.join(format!("case-{number:02}")), folder.join("sealed").join(format!("case-{number:02}")));
-        for path in [&blind, &scoring] {
+        let twin = scoring.join("twin");
+        for path in [&blind, &twin] {
             std::fs::create_dir_all(path).map_err(|source| ChallengeError::Write { path: path.clone(), source })?;
         }
-        Ok(Self { program, blind, scoring, asked: 0 })
+        Ok(Self { program, blind, scoring, twin, asked: 0 })
     }
 
     fn call(&self, folder: &Path, args: &[&str]) -> Result<String, String> {
@@ -127,7 +130,7 @@ impl Contestant for Processes<'_> {
 
     fn identify(&mut self, sweep: &Run) -> Result<PathBuf, String> {
         // the first sweep is the case's own; a later one belongs to the twin and is none of the diagnosis's business
-        let folder = if self.asked == 0 { self.blind.clone() } else { self.scoring.clone() };
+        let folder = if self.asked == 0 { self.blind.clone() } else { self.twin.clone() };
         self.asked += 1;
         write_run(&folder.join("sweep.csv"), sweep).map_err(|e| e.to_string())?;
         self.call(&folder, &["identify", "sweep.csv", "-o", "model.toml"])?;
@@ -145,9 +148,10 @@ impl Contestant for Processes<'_> {
     }
 
     fn simulate(&mut self, model: &PathBuf, run: &Run) -> Result<Vec<f64>, String> {
-        write_run(&self.scoring.join("drive.csv"), run).map_err(|e| e.to_string())?;
-        self.call(&self.scoring, &["simulate", "drive.csv", "--model", &model.to_string_lossy(), "-o", "simulated.csv"])?;
-        let simulated = Recording::read(&self.scoring.join("simulated.csv"), &[]).map_err(|e| e.to_string())?;
+        let folder = if model.starts_with(absolute(&self.twin)?) { &self.twin } else { &self.scoring };
+        write_run(&folder.join("drive.csv"), run).map_err(|e| e.to_string())?;
+        self.call(folder, &["simulate", "drive.csv", "--model", &model.to_string_lossy(), "-o", "simulated.csv"])?;
+        let simulated = Recording::read(&folder.join("simulated.csv"), &[]).map_err(|e| e.to_string())?;
         simulated.runs.into_iter().next().and_then(|r| r.pressure_bar).ok_or_else(|| "no pressure_bar came back".to_owned())
     }
 }

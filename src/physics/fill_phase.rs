@@ -4,7 +4,8 @@
 //!
 //! Model: while the piston moves (0 < x < 1) the pressure is plateau + spring x (or less, where less is asked for);
 //! it moves with x' = sgn(d) (|d| / 1 bar)^(1/2) / time, d = P0 - pressure, and falls back likewise when P0 is
-//! below the plateau. With the clutch full the pressure is P0.
+//! below the plateau: there the pressure is P0 + hold (plateau + spring x - P0), as the return spring pushes the oil
+//! out. With the clutch full the pressure is P0. A run begins with the clutch empty.
 //!
 //! Signature: only from empty: a rise, a plateau at the kiss point, then a fast rise.
 //!
@@ -29,7 +30,7 @@ impl Effect for FillPhase {
         Stage::Chamber
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 4] = [
+        static PARAMETERS: [Parameter; 5] = [
             Parameter {
                 name: "plateau",
                 unit: &PRESSURE,
@@ -62,6 +63,14 @@ impl Effect for FillPhase {
                 default: Some(1.0),
                 meaning: "speed of draining over that of filling",
             },
+            Parameter {
+                name: "hold",
+                unit: &RATIO,
+                range: (0.0, 1.0),
+                starts: &[0.0],
+                default: Some(0.0),
+                meaning: "share of the return spring's pressure that shows while the clutch drains",
+            },
         ];
         &PARAMETERS
     }
@@ -71,6 +80,7 @@ impl Effect for FillPhase {
             rate: context.dt_s / theta[1] / SUBSTEPS as f64,
             spring: theta[2],
             drain: theta[3],
+            hold: theta[4],
             stroke: 0.0,
             before: 0.0,
         })
@@ -85,14 +95,14 @@ struct Fill {
     rate: f64,
     spring: f64,
     drain: f64,
+    hold: f64,
     stroke: f64,
     before: f64,
 }
 
 impl Block for Fill {
     fn start(&mut self, _: f64, input: f64) {
-        self.stroke = if input > self.plateau { 1.0 } else { 0.0 };
-        self.before = input;
+        (self.stroke, self.before) = (0.0, input);
     }
     #[inline]
     fn step(&mut self, _: f64, input: f64) -> f64 {
@@ -107,6 +117,11 @@ impl Block for Fill {
             self.stroke = (self.stroke + self.rate * speed).clamp(0.0, 1.0);
         }
         self.before = input;
-        if self.stroke >= 1.0 { input } else { input.min(self.plateau + self.spring * self.stroke) }
+        let inside = self.plateau + self.spring * self.stroke;
+        match self.stroke {
+            full if full >= 1.0 && input >= inside => input,
+            empty if empty <= 0.0 => input.min(inside),
+            _ => inside.min(input + self.hold * (inside - input).max(0.0)),
+        }
     }
 }
