@@ -181,7 +181,8 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         .copied()
         .filter(|e| match e.kind() {
             Kind::Course => counted(&incumbent.model.effects) < MOST_EFFECTS,
-            Kind::Form => true,
+            // Steps show the curve at their levels only, and a free form would bend it where they pass.
+            Kind::Form => !fitter.squared,
             Kind::Scatter => false,
         })
         .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()))

@@ -4,7 +4,7 @@
 //!
 //! Model: |dy/dt| <= rise going up and <= fall going down. Flow from a supply S and to the tank through orifices falls
 //! with the counter-pressure: rise scales with (1 - y / S)^shape, fall with (4 y / S)^shape, S = 1.5 times the pressures
-//! that the curves span. A shape of 0 is a constant limit (a pump), 1/2 orifices.
+//! that the curves span. A shape of 0 is a constant limit (a pump), 1/2 orifices, 1 laminar restrictors.
 //!
 //! Signature: large steps become ramps of one slope; small movements are untouched.
 //!
@@ -49,7 +49,7 @@ impl Effect for FlowLimit {
             Parameter {
                 name: "shape",
                 unit: &RATIO,
-                range: (0.0, 0.7),
+                range: (0.0, 1.0),
                 starts: &[0.0],
                 default: Some(0.0),
                 meaning: "dependence of the limits on the counter-pressure",
