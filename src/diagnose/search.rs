@@ -104,17 +104,19 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
 }
 
 /// The effects but the first, less those that held-out stretches do not confirm: the last one to have been found is
-/// looked at first. An effect that takes the place of a recalibration needs no gain of its own.
+/// looked at first. An effect that takes the place of a recalibration needs no gain of its own. Of steps, which are few
+/// events, nothing is believed that is not confirmed.
 fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>) -> Fit<'a> {
+    let believed = if fitter.squared { 0 } else { 1 };
     let mut k = fit.model.effects.len();
-    while k > 1 && fit.model.effects.len() > 1 {
+    while k > believed && fit.model.effects.len() > believed {
         k -= 1;
         let mut start = fit.theta.clone();
         start.drain(fit.model.place(k));
         let less = fitter.refit(&fit.model.without(k), &start);
         let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
         let (_, interval, p_value) = with.gain_over(&without);
-        let stood_in = less.prior_nats - fit.prior_nats > 0.5 * VERY_STRONG;
+        let stood_in = !fitter.squared && less.prior_nats - fit.prior_nats > 0.5 * VERY_STRONG;
         if !stood_in && p_value > CONFIRMED && interval.is_some_and(|i| i.0 <= 0.0) {
             fit = less;
         }
