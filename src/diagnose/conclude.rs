@@ -275,7 +275,7 @@ impl<'a> Findings<'_, 'a> {
                 })
                 .collect();
         }
-        for effect in EFFECTS.iter().filter(|e| e.kind() == Kind::Scatter) {
+        for effect in EFFECTS.iter().filter(|e| e.kind() == Kind::Scatter || self.fitter.found.contains(&e.id())) {
             let found = self.scattered.iter().find(|s| s.effect.id() == effect.id());
             let bic = found.map_or(0.0, |s| -2.0 * s.finding.gain_nats);
             let rejected_because = found.is_none().then(|| "its signature is not in the recording".to_string());
@@ -313,7 +313,10 @@ impl<'a> Findings<'_, 'a> {
 fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>) -> (f64, Finding) {
     let f = &s.finding;
     let estimate = |(k, p): (usize, &crate::physics::Parameter)| {
-        (p.name.to_string(), Estimate { value: f.theta[k], std_error: Some(f.std_errors[k]), unit: p.unit.symbol.into() })
+        (
+            p.name.to_string(),
+            Estimate { value: f.theta[k], std_error: Some(f.std_errors[k]).filter(|e| e.is_finite()), unit: p.unit.symbol.into() },
+        )
     };
     let parameters = s.effect.parameters().iter().enumerate().map(estimate).collect();
     let finding = Finding {

@@ -62,12 +62,14 @@ pub struct Fitter<'e> {
     /// Whether fits minimise the squared error instead of the t loss: in a recording of steps the few samples of a
     /// transient are what matters, and the t loss takes them for its tails.
     pub squared: bool,
+    /// Effects found before by stretches of the recording that no simulation can follow.
+    pub found: Vec<&'static str>,
 }
 
 impl<'e> Fitter<'e> {
     /// For all of the evidence, with the correlation still unknown.
     pub fn new(evidence: &'e Evidence) -> Self {
-        Self { evidence, measured: evidence.pressure_bar(), tau_samples: 20.0, squared: evidence.is_of_steps() }
+        Self { evidence, measured: evidence.pressure_bar(), tau_samples: 20.0, squared: evidence.is_of_steps(), found: Vec::new() }
     }
 
     /// Number of used samples.

@@ -100,7 +100,7 @@ pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
     let mut predicted = Vec::new();
     for half in 0..2 {
         let measured = fitter.measured.iter().zip(&block).map(|(y, b)| if b % 2 == half { f64::NAN } else { *y }).collect();
-        let other = Fitter { evidence: fitter.evidence, measured, tau_samples: fitter.tau_samples, squared: fitter.squared };
+        let other = Fitter { measured, tau_samples: fitter.tau_samples, squared: fitter.squared, ..Fitter::new(fitter.evidence) };
         let theta = if steps == 0 { fit.theta.clone() } else { other.polish(&fit.model, &fit.theta, steps).theta };
         Simulator::new(fitter.evidence).pressure(&fit.model, &theta, &mut predicted);
         for (k, b) in block.iter().enumerate() {

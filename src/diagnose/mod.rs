@@ -36,7 +36,7 @@ use evidence::Evidence;
 use fit::Fitter;
 use model::{Model, Simulator};
 
-use crate::physics::{EFFECTS, Kind, Scatter};
+use crate::physics::{EFFECTS, Effect, Kind, Scatter};
 use crate::recording::Recording;
 use crate::valve::Valve;
 
@@ -89,24 +89,25 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
         base = base.distrusting_lag();
         null = fitter.recalibrate(&base, &[]);
     }
-    let mut scattered = scatter(&fitter, &null, &[]);
+    let mut scattered = scatter(&fitter, &null, |_| true);
+    scattered.retain(|s| !s.finding.masked.is_empty());
     for s in &scattered {
         for k in &s.finding.masked {
             fitter.measured[*k] = f64::NAN;
         }
+        fitter.found.push(s.effect.id());
     }
-    scattered.retain(|s| !s.finding.masked.is_empty());
     let search = search::search(&mut fitter, &base);
     // What only the scatter shows is looked for about the best course.
-    let late = scatter(&fitter, &search.chosen, &scattered);
+    let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
     scattered.extend(late);
     let mut found = Findings { recording, base: &base, fitter: &fitter, search: &search, scattered }.conclude();
     found.diagnosis.next_experiment = experiment::next_experiment(&found);
     Ok(found)
 }
 
-/// The effects of the scatter that show about this fit, but for those that are known.
-fn scatter(fitter: &Fitter<'_>, fit: &fit::Fit<'_>, known: &[Scattered]) -> Vec<Scattered> {
+/// Those of the effects asked for whose signature shows in the scatter about this fit, or in stretches of their own.
+fn scatter(fitter: &Fitter<'_>, fit: &fit::Fit<'_>, asked: impl Fn(&dyn Effect) -> bool) -> Vec<Scattered> {
     let mut simulated = Vec::new();
     Simulator::new(fitter.evidence).pressure(&fit.model, &fit.theta, &mut simulated);
     let look = Scatter {
@@ -118,7 +119,7 @@ fn scatter(fitter: &Fitter<'_>, fit: &fit::Fit<'_>, known: &[Scattered]) -> Vec<
     EFFECTS
         .iter()
         .copied()
-        .filter(|e| e.kind() == Kind::Scatter && !known.iter().any(|k| k.effect.id() == e.id()))
+        .filter(|e| asked(*e))
         .filter_map(|effect| effect.scatter(&look).map(|finding| Scattered { effect, finding }))
         .collect()
 }

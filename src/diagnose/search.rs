@@ -187,7 +187,7 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
             Kind::Form => !fitter.squared,
             Kind::Scatter => false,
         })
-        .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()))
+        .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()) && !fitter.found.contains(&e.id()))
         .filter(|e| !fitter.evidence.is_slow() || e.stage() == Stage::Spool)
         .collect();
     let screened: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> = open

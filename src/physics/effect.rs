@@ -123,7 +123,7 @@ pub trait Effect: Sync {
         0.0
     }
 
-    /// For an effect of the scatter: whether its signature is in the recording.
+    /// For an effect of the scatter, or one that comes and goes at times of its own: whether its signature is in the recording.
     fn scatter(&self, _: &Scatter<'_>) -> Option<ScatterFinding> {
         None
     }

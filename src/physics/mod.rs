@@ -23,6 +23,7 @@ mod reference_drift;
 mod reference_shape;
 mod reference_shift;
 mod reversal_dead_band;
+mod sag;
 mod second_order_resonance;
 mod sensor_drift;
 mod sensor_lag;

@@ -5,13 +5,15 @@
 //! Model: P = min(P0, limit), rounded over `softness`: P = limit - s ln(1 + exp((limit - P0)/s)); the limit holds
 //! from `from` to `until`.
 //!
-//! Signature: one-sided clipping at high current; a sag only while the pressure is high.
+//! Signature: one-sided clipping at high current; a sag only while the pressure is high; a shared supply that sags at
+//! times of its own leaves one level at which the pressure then stands.
 //!
 //! What to check on the bench: supply pressure during the run, pump speed, relief valve.
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, chapter 7 (hydraulic power elements).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::effect::{Block, Context, Effect, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::sag::sags;
 use crate::units::{PRESSURE, TIME};
 
 /// The effect `supply_saturation`.
@@ -56,6 +58,27 @@ impl Effect for SupplySaturation {
             Parameter { name: "until", unit: &TIME, range: (0.0, 1e6), starts: &[1e6], default: Some(1e6), meaning: "end of the limit" },
         ];
         &PARAMETERS
+    }
+    /// A supply that sags at times of its own.
+    fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
+        let sags = sags(of)?;
+        let masked = sags.samples(of.dt_s, of.measured_bar.len());
+        let (from, to) = sags.longest();
+        let seconds = |k: usize| k as f64 * of.dt_s;
+        let list: Vec<String> = sags.stretches.iter().map(|(a, b)| format!("{:.1} to {:.1} s", seconds(*a), seconds(*b))).collect();
+        let excess = |k: &usize| (of.simulated_bar[*k] - of.measured_bar[*k]) / of.noise_bar;
+        Some(ScatterFinding {
+            theta: vec![sags.level_bar, 0.005, seconds(from), seconds(to)],
+            std_errors: vec![of.noise_bar, f64::NAN, of.dt_s, of.dt_s],
+            gain_nats: masked.iter().map(excess).filter(|z| z.is_finite()).map(|z| (0.25 * z * z).ln_1p()).sum(),
+            spread_bar: vec![0.0; of.measured_bar.len()],
+            evidence: format!(
+                "the pressure stands at {:.2} bar whatever is asked beyond it, but passes it at other times: {} (the model holds the longest; when the supply sags in another drive, the current does not tell)",
+                sags.level_bar,
+                list.join(", ")
+            ),
+            masked,
+        })
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
         Box::new(Supply {
