@@ -104,7 +104,8 @@ fn effects(c: &mut Criterion) {
 }
 
 /// The fit of each candidate as the first round of a search makes it, base and effect together from all of the effect's
-/// starts, on a recording of a valve with a lag: fits per second on one core.
+/// starts, on a recording of a valve with a lag: fits per second on one core. Each is brought to its end, which the
+/// search spares candidates that show no promise.
 fn candidates(c: &mut Criterion) {
     let recording = recording_of(recorded("first_order_lag", 0.05));
     let valve = calibrated();
