@@ -94,6 +94,14 @@ impl<'a> Findings<'_, 'a> {
             noise_floor: evidence.noise_bar,
         };
         let recalibration = self.recalibration();
+        let mut notes = evidence.notes.clone();
+        if !fitter.found.is_empty() {
+            let names = fitter.found.iter().map(|id| super::words::title(id)).collect::<Vec<_>>().join(" and ");
+            notes.push(format!(
+                "without the readings that {names} spoils, the augmented model is off by {:.3} bar RMSE on held-out data",
+                rms(&chosen_held.residual)
+            ));
+        }
         let mut diagnosis = Diagnosis {
             schema: SCHEMA.into(),
             recording: self.recording.source.clone(),
@@ -107,7 +115,7 @@ impl<'a> Findings<'_, 'a> {
             recalibration,
             unexplained,
             next_experiment: None,
-            notes: evidence.notes.clone(),
+            notes,
         };
         diagnosis.summary = super::words::summary(&diagnosis);
         let mut runs = Vec::new();

@@ -75,7 +75,7 @@ pub struct Errors {
 pub struct Estimate {
     /// Best value.
     pub value: f64,
-    /// One standard deviation; `null` where the recording does not carry the parameter.
+    /// One standard deviation; `null` where the recording does not carry the parameter, or where it stays at its default.
     pub std_error: Option<f64>,
     /// Unit of both.
     pub unit: String,

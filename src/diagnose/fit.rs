@@ -133,8 +133,9 @@ impl<'e> Fitter<'e> {
         let scaled =
             DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(i, j)] * scale[i] * scale[j] + if i == j { 1e-9 } else { 0.0 });
         let Some(inverse) = scaled.try_inverse() else { return infinite };
-        let variance = |k: usize| inverse[(k, k)].max(0.0).sqrt() * scale[k] * if free[k].log { fit.theta[k].abs() } else { 1.0 };
-        (0..free.len()).map(variance).collect()
+        let error = |k: usize| inverse[(k, k)].max(0.0).sqrt() * scale[k] * if free[k].log { fit.theta[k].abs() } else { 1.0 };
+        let carried = |k: usize| normal[(k, k)] > 1e-200;
+        (0..free.len()).map(|k| if carried(k) { error(k) } else { f64::INFINITY }).collect()
     }
 
     /// Fits `model`, whose last effect is new.

@@ -29,7 +29,7 @@ pub use diagnosis::{
 };
 pub use signature::{Axis, Signature};
 pub use story::{Cell, RunStory, Slice, Story, Strip, story};
-pub use words::{figure, paragraph, title};
+pub use words::{figure, paragraph, title, uncertainty};
 
 use conclude::{Findings, Scattered};
 use evidence::Evidence;

@@ -34,6 +34,8 @@ const PROMISING: f64 = 0.3;
 const FINALISTS: usize = 8;
 /// Chance of its held-out gain up to which a further effect is confirmed.
 const CONFIRMED: f64 = 0.05;
+/// RMS of a residual with structure in it, in units of the sensor noise.
+const REMAINS: f64 = 4.0;
 
 /// One candidate of one round.
 pub struct Ranked<'a> {
@@ -104,10 +106,11 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
 }
 
 /// The effects but the first, less those that held-out stretches do not confirm: the last one to have been found is
-/// looked at first. An effect that takes the place of a recalibration needs no gain of its own. Of steps, which are few
-/// events, nothing is believed that is not confirmed.
+/// looked at first. An effect that takes the place of a recalibration needs no gain of its own, nor does one with a
+/// signature. Of steps, which are few events, and where structure remains, the first is not believed either.
 fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>) -> Fit<'a> {
-    let believed = if fitter.squared { 0 } else { 1 };
+    let remains = fit.rmse_bar > REMAINS * fitter.evidence.noise_bar;
+    let believed = if fitter.squared || remains { 0 } else { 1 };
     let mut k = fit.model.effects.len();
     while k > believed && fit.model.effects.len() > believed {
         k -= 1;
@@ -117,7 +120,8 @@ fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>) -> Fit<'a> {
         let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
         let (_, interval, p_value) = with.gain_over(&without);
         let stood_in = !fitter.squared && less.prior_nats - fit.prior_nats > 0.5 * VERY_STRONG;
-        if !stood_in && p_value > CONFIRMED && interval.is_some_and(|i| i.0 <= 0.0) {
+        let signed = fit.model.signature_nats() - less.model.signature_nats() > VERY_STRONG;
+        if !stood_in && !signed && p_value > CONFIRMED && interval.is_some_and(|i| i.0 <= 0.0) {
             fit = less;
         }
     }

@@ -1,6 +1,6 @@
 //! The sentences of a diagnosis.
 
-use super::diagnosis::{Diagnosis, Finding, Verdict};
+use super::diagnosis::{Diagnosis, Estimate, Finding, Verdict};
 use crate::physics::{Effect, effect};
 
 /// The title of an effect's manual page, in lower case: `first-order lag`.
@@ -76,6 +76,16 @@ pub fn summary(d: &Diagnosis) -> String {
             format!("Missing in the model, among other things: {found}. {error} {held} {rest} I do not know what that is.")
         }
         Verdict::Unexplained => format!("Something is missing, but none of the effects in the library explains it. {error} {rest}"),
+    }
+}
+
+/// How sure a parameter of an effect is: its standard error, or why it has none.
+pub fn uncertainty(id: &str, name: &str, estimate: &Estimate) -> String {
+    let default = || effect(id)?.parameters().iter().find(|p| p.name == name)?.default;
+    match estimate.std_error {
+        Some(error) => format!("\u{b1} {}", figure(error, &estimate.unit)),
+        None if default() == Some(estimate.value) => "its default".into(),
+        None => "not carried by this recording".into(),
     }
 }
 

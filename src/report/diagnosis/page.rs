@@ -3,7 +3,7 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::{drawings, tables};
-use crate::diagnose::{Diagnosed, Diagnosis, Story, Verdict, figure, title};
+use crate::diagnose::{Diagnosed, Diagnosis, Story, Verdict, title};
 
 /// What this page has beyond the style of all reports.
 const STYLE: &str = r"
@@ -108,10 +108,4 @@ fn heading(d: &Diagnosis) -> Markup {
             }
         }
     }
-}
-
-/// A value with its standard error.
-pub(super) fn plus_minus(value: f64, std_error: Option<f64>, unit: &str) -> (String, String) {
-    let error = std_error.map_or_else(|| "not carried by this recording".into(), |s| format!("\u{b1} {}", figure(s, unit)));
-    (figure(value, unit), error)
 }

@@ -2,8 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::page::plus_minus;
-use crate::diagnose::{Cell, Diagnosis, Finding, Remainder, Story, Verdict, figure, paragraph, title};
+use crate::diagnose::{Cell, Diagnosis, Finding, Remainder, Story, Verdict, figure, paragraph, title, uncertainty};
 use crate::physics::effect;
 
 /// The errors that a reader looks for first.
@@ -100,8 +99,7 @@ pub fn finding(n: usize, f: &Finding) -> Markup {
                 thead { tr { th { "parameter" } th.num { "value" } th { "standard error" } th { "meaning" } } }
                 tbody {
                     @for (name, p) in &f.parameters {
-                        @let (value, error) = plus_minus(p.value, p.std_error, &p.unit);
-                        tr { td { code { (name) } } td.num { (value) } td { (error) } td.soft { (meaning(name)) } }
+                        tr { td { code { (name) } } td.num { (figure(p.value, &p.unit)) } td { (uncertainty(&f.id, name, p)) } td.soft { (meaning(name)) } }
                     }
                 }
             } }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::diagnose::{Diagnosis, Verdict, figure, title};
+use crate::diagnose::{Diagnosis, Verdict, figure, title, uncertainty};
 use crate::report::{COLUMNS, fold};
 
 /// The diagnosis as text.
@@ -25,7 +25,7 @@ pub fn text(d: &Diagnosis) -> String {
     for (n, f) in d.effects.iter().enumerate() {
         let _ = writeln!(out, "\n{}. {} ({})", n + 1, title(&f.id), f.id);
         for (name, p) in &f.parameters {
-            let error = p.std_error.map_or("not carried by this recording".into(), |s| format!("+/- {}", figure(s, &p.unit)));
+            let error = uncertainty(&f.id, name, p).replace('\u{b1}', "+/-");
             let _ = writeln!(out, "   {name:<12} {:>12}  {error}", figure(p.value, &p.unit));
         }
         let interval = f.heldout_gain_interval_bar.map_or(String::new(), |(a, b)| format!(" (95 %: {a:.3} to {b:.3})"));
