@@ -31,6 +31,9 @@ mod loss;
 #[path = "../src/diagnose/model.rs"]
 #[allow(dead_code)]
 mod model;
+#[path = "../src/diagnose/screen.rs"]
+#[allow(dead_code)]
+mod screen;
 
 #[path = "diagnose/least_squares.rs"]
 mod least_squares;

@@ -16,6 +16,7 @@ mod loss;
 mod model;
 mod remainder;
 mod rival;
+mod screen;
 mod search;
 mod signature;
 mod start;

@@ -1,0 +1,125 @@
+//! Fits from several starts: many for a few steps, the best to the end.
+
+use super::descent::Descent;
+use super::fit::{Fit, Fitter, clamped, shifted};
+use super::model::{BASE, Model, Simulator, UNSEEN_LAG_S};
+
+/// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
+const HOPELESS_NATS: f64 = -30.0;
+
+impl Fitter<'_> {
+    /// Fits `model`, whose last effect is new.
+    pub fn fit_new<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, hints: &[Vec<f64>]) -> Fit<'a> {
+        let starts = [model.starts(model.effects[model.effects.len() - 1]).as_slice(), hints].concat();
+        let screened = self.screen(model, incumbent, &starts);
+        let hopeless = self.gain(incumbent, &screened[0]) < HOPELESS_NATS && screened[0].rmse_bar > incumbent.rmse_bar;
+        self.finish(screened, hopeless)
+    }
+
+    /// The best fits, best first and at least one, of `model`, whose last effect is new: a few steps from every one of
+    /// `starts` of that effect, with the earlier effects held at first.
+    pub fn screen<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, starts: &[Vec<f64>]) -> Vec<Fit<'a>> {
+        let held = model.effects.len() - 1;
+        let mut simulator = Simulator::new(self.evidence);
+        let mut residual = Vec::new();
+        // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back.
+        let mut calibrated = incumbent.theta.clone();
+        calibrated[..BASE].copy_from_slice(&model.calibrated());
+        calibrated[BASE - 1] += 0.5 * UNSEEN_LAG_S;
+        let mut tried: Vec<Fit<'a>> = Vec::new();
+        for values in starts {
+            for base in [&incumbent.theta, &calibrated] {
+                let theta = [base.as_slice(), values.as_slice()].concat();
+                tried.push(self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual));
+            }
+        }
+        let order = |a: &Fit<'_>, b: &Fit<'_>| self.objective(a).total_cmp(&self.objective(b));
+        tried.sort_by(order);
+        tried.truncate(6);
+        // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back.
+        let mut tried: Vec<Fit<'a>> = tried
+            .iter()
+            .map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 2, held: held + 1, rough: true }))
+            .collect();
+        tried.sort_by(order);
+        tried.truncate(3);
+        let mut rough: Vec<Fit<'a>> =
+            tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 4, held, rough: true })).collect();
+        rough.sort_by(order);
+        rough
+    }
+
+    /// The best of what [`Fitter::screen`] has found, brought to the end with all parameters free; only a few steps where
+    /// it is hopeless.
+    pub fn finish<'a>(&self, mut rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
+        let mut simulator = Simulator::new(self.evidence);
+        // A second start goes on only where it may still win.
+        let both = !hopeless && rough.len() > 1 && self.gain(&rough[1], &rough[0]) < 6.0;
+        rough.truncate(if both { 2 } else { 1 });
+        let steps = if hopeless { 5 } else { 18 };
+        let fine = rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
+        let best = fine.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
+        if hopeless { best } else { self.walk(&mut simulator, best) }
+    }
+
+    /// Tries each effect parameter a little up and down: what a gradient of a jumping simulation does not see.
+    fn walk<'a>(&self, simulator: &mut Simulator<'_>, mut best: Fit<'a>) -> Fit<'a> {
+        let free = best.model.free();
+        let mut residual = Vec::new();
+        let last = best.model.place(best.model.effects.len() - 1);
+        for size in [0.12, 0.03] {
+            for k in last.clone() {
+                for sign in [1.0, -1.0] {
+                    let step = if free[k].log {
+                        size
+                    } else {
+                        size * best.theta[k].abs().max(0.01 * (free[k].range.1 - free[k].range.0).min(10.0))
+                    };
+                    let mut theta = best.theta.clone();
+                    theta[k] = shifted(&free[k], theta[k], sign * step);
+                    let next = self.score_near(simulator, &best.model, &theta, best.scale_bar, &mut residual);
+                    if self.objective(&next) < self.objective(&best) {
+                        best = next;
+                        break;
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// The fit with each optional parameter of its last effect back at its default, where BIC is better for it.
+    pub fn simplified<'a>(&self, mut fit: Fit<'a>) -> Fit<'a> {
+        let effective = self.effective();
+        let count = fit.model.effects.last().map_or(0, |e| e.parameters().len());
+        for j in (0..count).rev() {
+            let Some(simpler) = fit.model.holding(j) else { continue };
+            let less = self.polish(&simpler, &fit.theta, 4);
+            if less.bic(effective) < fit.bic(effective) {
+                fit = less;
+            }
+        }
+        fit
+    }
+
+    /// Refits a model from a vector, for instance after an effect was taken out.
+    pub fn refit<'a>(&self, model: &Model<'a>, start: &[f64]) -> Fit<'a> {
+        self.polish(model, start, 18)
+    }
+
+    /// "Recalibrate only": the base parameters free, from several starts, the same effort as a candidate gets.
+    pub fn recalibrate<'a>(&self, model: &Model<'a>, others: &[Vec<f64>]) -> Fit<'a> {
+        let start = model.calibrated();
+        let mut simulator = Simulator::new(self.evidence);
+        let mut starts = vec![start.clone()];
+        for (more, lag) in [(0.0, 0.008), (0.008, 0.003), (0.004, 0.014)] {
+            let mut s = start.clone();
+            s[4] += more * model.slowness;
+            s[5] += lag * model.slowness;
+            starts.push(s);
+        }
+        starts.extend(others.iter().map(|t| t[..BASE].to_vec()));
+        let fits = starts.iter().map(|s| self.polish_in(&mut simulator, model, s, Descent::of(10)));
+        fits.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| self.polish(model, &start, 10))
+    }
+}
