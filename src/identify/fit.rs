@@ -109,7 +109,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Simulated minus measured pressure.
-    fn residual(&self, simulated: &mut [f64]) {
+    pub fn residual(&self, simulated: &mut [f64]) {
         for (k, s) in self.segments.iter().enumerate() {
             for (o, p) in simulated[self.range(k)].iter_mut().zip(&s.pressure_bar) {
                 *o -= p;
@@ -124,7 +124,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Huber's loss of the residual and of the guards [bar^2].
-    fn cost(&self, shape: &Shape, theta: &[f64], residual: &[f64], weights: &[f64], threshold_bar: f64) -> f64 {
+    pub fn cost(&self, shape: &Shape, theta: &[f64], residual: &[f64], weights: &[f64], threshold_bar: f64) -> f64 {
         let data: f64 = residual.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(r, w)| w * loss(*r, threshold_bar)).sum();
         data + self.guards(shape, theta, weights).iter().map(|g| g * g).sum::<f64>() + self.prior(shape, theta)
     }
@@ -184,7 +184,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Derivative of the simulated pressure after each parameter, one column each.
-    fn jacobian(&self, shape: &Shape, theta: &[f64], delayed_a: &[f64], base: &[f64], free: usize) -> Vec<Vec<f64>> {
+    pub fn jacobian(&self, shape: &Shape, theta: &[f64], delayed_a: &[f64], base: &[f64], free: usize) -> Vec<Vec<f64>> {
         (0..free)
             .into_par_iter()
             .map(|k| {
@@ -306,9 +306,7 @@ impl<'a> Problem<'a> {
         threshold_bar: f64,
     ) -> (DMatrix<f64>, DVector<f64>) {
         let p = columns.len();
-        // Iteratively reweighted: a residual beyond the threshold counts linearly.
-        let effective: Vec<f64> =
-            residual.iter().zip(weights).map(|(r, w)| if *w > 0.0 { w * (threshold_bar / r.abs()).min(1.0) } else { 0.0 }).collect();
+        let effective = effective_weights(residual, weights, threshold_bar);
         let clean: Vec<f64> = residual.iter().zip(&effective).map(|(r, w)| if *w > 0.0 { *r } else { 0.0 }).collect();
         let rows: Vec<Vec<f64>> = (0..p)
             .into_par_iter()
@@ -355,8 +353,13 @@ pub(super) fn loss(residual_bar: f64, threshold_bar: f64) -> f64 {
     if size <= threshold_bar { size * size } else { threshold_bar * (2.0 * size - threshold_bar) }
 }
 
+/// Weights for the normal equations, iteratively reweighted: a residual beyond the threshold counts linearly.
+pub(super) fn effective_weights(residual: &[f64], weights: &[f64], threshold_bar: f64) -> Vec<f64> {
+    residual.iter().zip(weights).map(|(r, w)| if *w > 0.0 { w * (threshold_bar / r.abs()).min(1.0) } else { 0.0 }).collect()
+}
+
 /// A dot product with eight running sums, so that it is vectorised and still the same on every machine.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
     let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();

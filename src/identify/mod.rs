@@ -10,6 +10,7 @@ mod error;
 mod fit;
 mod model;
 mod outcome;
+mod profile;
 mod segment;
 mod select;
 mod start;
@@ -106,8 +107,9 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
     if !fit.theta.iter().all(|t| t.is_finite()) || !fit.cost.is_finite() {
         return Err(IdentifyError::NotFinite { source_name: recording.source.clone() });
     }
+    let (fit, nodes) = profile::lowest(&problem, fit, &weights, limit, |fit| uncertainty::variance(&problem, fit, &weights, limit).0);
     let data = outcome::Data { recording, whole, problem: &problem, survey: &survey };
-    Ok(outcome::outcome(&data, options, &fit, limit, orders))
+    Ok(outcome::outcome(&data, options, &fit, (&nodes, limit), orders))
 }
 
 /// The covered range, down to where the higher curve reaches the floor: there it ends, and nothing is extrapolated.

@@ -2,9 +2,10 @@
 
 use super::fit::{Fit, Problem};
 use super::model::powers;
+use super::profile::Node;
 use super::select::OrderError;
 use super::survey::{Survey, play};
-use super::uncertainty::{covariance, error_of};
+use super::uncertainty::{covariance, error_of, variance};
 use super::{Options, warnings, windows};
 use crate::recording::Recording;
 use crate::units::{self, Current, Pressure};
@@ -102,11 +103,18 @@ pub(super) struct Data<'a> {
     pub survey: &'a Survey,
 }
 
-pub(super) fn outcome(data: &Data<'_>, options: &Options, fit: &Fit, limit: f64, orders: Vec<OrderError>) -> Identified {
+pub(super) fn outcome(
+    data: &Data<'_>,
+    options: &Options,
+    fit: &Fit,
+    (nodes, limit): (&[Node], f64),
+    orders: Vec<OrderError>,
+) -> Identified {
     let Data { recording, whole, problem, survey } = *data;
     let shape = &fit.shape;
     let weights = problem.weights();
-    let (covariance, time) = covariance(problem, fit, &weights, limit);
+    let (variance, time) = variance(problem, fit, &weights, limit);
+    let covariance = covariance(fit, nodes, variance);
     let parameters = parameters(fit, &covariance);
     let delay_s = fit.theta[shape.delay()];
     let delayed = problem.delayed(delay_s);

@@ -16,6 +16,8 @@ const FIRST_DELAY_STEPS: f64 = 3.0;
 const STILL_SHARE: f64 = 0.02;
 /// A direction of the current counts after it has moved by this share of its range.
 const PLAY_SHARE: f64 = 0.02;
+/// A covered range that ends this share of the recorded one before it, or less, ends with it.
+const HAIR_SHARE: f64 = 0.01;
 /// Bins of the current in which both directions must have been seen.
 pub(super) const DIRECTION_BINS: usize = 20;
 
@@ -129,8 +131,21 @@ impl Survey {
         let seen = sorted(seen);
         let covered = (nth(&seen, seen.len() / 1000), nth(&seen, seen.len().saturating_sub(1 + seen.len() / 1000)));
         let wide = covered.0.partial_cmp(&covered.1) == Some(std::cmp::Ordering::Less);
-        self.covered_a = if wide { covered } else { self.recorded_a };
+        self.covered_a = if wide { self.to_the_turns(covered) } else { self.recorded_a };
         (self.both_directions, self.reversals) = directions(segments, self.covered_a, above);
+    }
+}
+
+impl Survey {
+    /// A covered range that ends within a hair of the recorded one ends where that does: the last samples before a turn
+    /// were only cut off as possible stragglers. Straight lines over that hair would change the width of the loop right
+    /// at the turn, which is where a triangle shows its delay.
+    fn to_the_turns(&self, (low, high): (f64, f64)) -> (f64, f64) {
+        let hair = HAIR_SHARE * (self.recorded_a.1 - self.recorded_a.0);
+        (
+            if low - hair <= self.recorded_a.0 { self.recorded_a.0 } else { low },
+            if high + hair >= self.recorded_a.1 { self.recorded_a.1 } else { high },
+        )
     }
 }
 

@@ -1,22 +1,82 @@
-//! Standard errors, inflated by the correlation time of the residual.
+//! Covariance of the parameters: over the profile of the delay, inflated by the correlation time of the residual.
 //!
 //! Neighbouring residuals are alike wherever the model's form is not quite that of the valve; counting every sample
-//! as independent would make the errors too small by the square root of the correlation time.
+//! as independent would make the errors too small by the square root of the correlation time. And the loss is no
+//! parabola over the delay (see `profile`): how far the delay may lie is taken from the profile, not from the curvature.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::fit::{Fit, Problem};
+use super::profile::{Node, without};
 use super::select::correlation_time;
 
-/// Covariance of the parameters, and the correlation time in samples.
-pub(super) fn covariance(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64) -> (DMatrix<f64>, f64) {
+/// Half the width of a 95 % interval in standard deviations; its square is the 95 % point of the likelihood ratio.
+const SIGMAS_95: f64 = 1.96;
+
+/// The variance by which the loss is scaled [bar^2], and the correlation time in samples.
+pub(super) fn variance(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64) -> (f64, f64) {
     let n: f64 = weights.iter().filter(|w| **w > 0.0).count() as f64;
     let p = fit.shape.len() as f64;
     let time = correlation_time(problem, &fit.residual_bar, weights, limit);
-    let variance = fit.cost / (n - p).max(1.0) * time;
-    // Scaled to a unit diagonal before the inversion: amperes, seconds and bar differ by orders of magnitude.
-    let scale: Vec<f64> = fit.normal.diagonal().iter().map(|d| if *d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }).collect();
-    let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| scale[a] * fit.normal[(a, b)] * scale[b]);
+    (fit.cost / (n - p).max(1.0) * time, time)
+}
+
+/// Covariance of the parameters about the fit.
+///
+/// With the delay given, the model is as good as linear in all else, and the covariance is that of linear least
+/// squares; to it comes how all parameters move along the profile, each node weighed by its likelihood. The variance
+/// of the delay is that of an interval of 95 % by the likelihood ratio. For a loss that is a parabola all this is the
+/// usual `variance` times (J'WJ)^-1.
+pub(super) fn covariance(fit: &Fit, nodes: &[Node], variance: f64) -> DMatrix<f64> {
+    let delay = fit.shape.delay();
+    let mut given = inverse(&without(&fit.normal, delay)) * variance;
+    given.row_mut(delay).fill(0.0);
+    given.column_mut(delay).fill(0.0);
+    let lowest = nodes.iter().map(|n| n.cost).fold(f64::INFINITY, f64::min);
+    let at = |k: usize| nodes[k].theta[delay];
+    let mut spread = DMatrix::zeros(fit.shape.len(), fit.shape.len());
+    for (k, node) in nodes.iter().enumerate() {
+        let share = at((k + 1).min(nodes.len() - 1)) - at(k.saturating_sub(1));
+        let weight = share * (-0.5 * (node.cost - lowest) / variance).exp();
+        let away = DVector::from_iterator(fit.theta.len(), node.theta.iter().zip(&fit.theta).map(|(n, f)| n - f));
+        spread += weight * &away * away.transpose();
+    }
+    let scale = (farther_end_s(fit, nodes, variance) / SIGMAS_95).powi(2) / spread[(delay, delay)];
+    if nodes.len() < 3 || !(scale.is_finite() && scale > 0.0) {
+        return inverse(&fit.normal) * variance;
+    }
+    given + spread * scale
+}
+
+/// Distance from the fit to the farther end of the delays whose loss is within 3.84 variances of the lowest [s].
+///
+/// Of the two ends the farther, since the error that is reported goes to both sides alike.
+fn farther_end_s(fit: &Fit, nodes: &[Node], variance: f64) -> f64 {
+    let delay = fit.shape.delay();
+    let lowest = nodes.iter().map(|n| n.cost).fold(f64::INFINITY, f64::min);
+    // The root of the loss, which is a straight line where the loss is a parabola.
+    let height = |n: &Node| ((n.cost - lowest) / variance).max(0.0).sqrt();
+    let away = |n: &Node| n.theta[delay] - fit.theta[delay];
+    let end = |inwards: &mut dyn Iterator<Item = &Node>| {
+        let mut outside: Option<&Node> = None;
+        for node in inwards {
+            if height(node) > SIGMAS_95 {
+                outside = Some(node);
+                continue;
+            }
+            return away(node) + outside.map_or(0.0, |o| (SIGMAS_95 - height(node)) / (height(o) - height(node)) * (away(o) - away(node)));
+        }
+        0.0
+    };
+    let (first, last) = (end(&mut nodes.iter()), end(&mut nodes.iter().rev()));
+    first.abs().max(last.abs())
+}
+
+/// The inverse of normal equations, scaled to a unit diagonal before: amperes, seconds and bar differ by orders of
+/// magnitude. A parameter without any influence has an infinite variance.
+pub(super) fn inverse(normal: &DMatrix<f64>) -> DMatrix<f64> {
+    let scale: Vec<f64> = normal.diagonal().iter().map(|d| if *d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }).collect();
+    let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| scale[a] * normal[(a, b)] * scale[b]);
     let eigen = scaled.symmetric_eigen();
     let least = 1e-12 * eigen.eigenvalues.max();
     let mut inverse = DMatrix::zeros(scale.len(), scale.len());
@@ -24,15 +84,9 @@ pub(super) fn covariance(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limi
         let v = eigen.eigenvectors.column(k);
         inverse += v * v.transpose() / value.max(least);
     }
-    let covariance = DMatrix::from_fn(scale.len(), scale.len(), |a, b| {
-        // A parameter without any influence has no finite error.
-        if scale[a] == 0.0 || scale[b] == 0.0 {
-            if a == b { f64::INFINITY } else { 0.0 }
-        } else {
-            variance * scale[a] * inverse[(a, b)] * scale[b]
-        }
-    });
-    (covariance, time)
+    DMatrix::from_fn(scale.len(), scale.len(), |a, b| {
+        if scale[a] == 0.0 || scale[b] == 0.0 { if a == b { f64::INFINITY } else { 0.0 } } else { scale[a] * inverse[(a, b)] * scale[b] }
+    })
 }
 
 /// Standard error of a linear combination of parameters.

@@ -128,8 +128,15 @@ pub(super) fn warnings(
             out.push(format!("the delay stands at the longest that was searched, {:.3} s", problem.delay_max_s));
         }
     }
-    if !fit.shape.lag && survey.steps == 0 {
-        out.push("no steps of the current: a lag cannot be told from a delay, and is contained in it".into());
+    if survey.steps == 0 {
+        out.push(if fit.shape.lag {
+            format!(
+                "no steps of the current: delay and lag are hardly told apart; the recording shows their sum of {:.1} ms",
+                1e3 * (valve.delay_s + valve.lag_s)
+            )
+        } else {
+            "no steps of the current: a lag cannot be told from a delay, and is contained in it; the interval of the delay holds for a valve without a lag".into()
+        });
     }
     out
 }
