@@ -32,6 +32,7 @@ pub(super) fn covariance(fit: &Fit, nodes: &[Node], variance: f64) -> DMatrix<f6
     let mut given = inverse(&without(&fit.normal, delay)) * variance;
     given.row_mut(delay).fill(0.0);
     given.column_mut(delay).fill(0.0);
+    let (nodes, farther_end_s) = interval(fit, nodes, variance);
     let lowest = nodes.iter().map(|n| n.cost).fold(f64::INFINITY, f64::min);
     let at = |k: usize| nodes[k].theta[delay];
     let mut spread = DMatrix::zeros(fit.shape.len(), fit.shape.len());
@@ -41,35 +42,38 @@ pub(super) fn covariance(fit: &Fit, nodes: &[Node], variance: f64) -> DMatrix<f6
         let away = DVector::from_iterator(fit.theta.len(), node.theta.iter().zip(&fit.theta).map(|(n, f)| n - f));
         spread += weight * &away * away.transpose();
     }
-    let scale = (farther_end_s(fit, nodes, variance) / SIGMAS_95).powi(2) / spread[(delay, delay)];
+    let scale = (farther_end_s / SIGMAS_95).powi(2) / spread[(delay, delay)];
     if nodes.len() < 3 || !(scale.is_finite() && scale > 0.0) {
         return inverse(&fit.normal) * variance;
     }
     given + spread * scale
 }
 
-/// Distance from the fit to the farther end of the delays whose loss is within 3.84 variances of the lowest [s].
+/// The nodes around the fit up to the first on each side whose loss is more than 3.84 variances above the lowest, and
+/// the distance from the fit to the farther of the two places where it gets there [s].
 ///
-/// Of the two ends the farther, since the error that is reported goes to both sides alike.
-fn farther_end_s(fit: &Fit, nodes: &[Node], variance: f64) -> f64 {
+/// Of the two the farther, since the error that is reported goes to both sides alike. A minimum beyond, after the loss
+/// has been higher, is another answer and no uncertainty of this one: the fit has already gone to the lowest.
+fn interval<'a>(fit: &Fit, nodes: &'a [Node], variance: f64) -> (&'a [Node], f64) {
     let delay = fit.shape.delay();
     let lowest = nodes.iter().map(|n| n.cost).fold(f64::INFINITY, f64::min);
     // The root of the loss, which is a straight line where the loss is a parabola.
-    let height = |n: &Node| ((n.cost - lowest) / variance).max(0.0).sqrt();
-    let away = |n: &Node| n.theta[delay] - fit.theta[delay];
-    let end = |inwards: &mut dyn Iterator<Item = &Node>| {
-        let mut outside: Option<&Node> = None;
-        for node in inwards {
-            if height(node) > SIGMAS_95 {
-                outside = Some(node);
-                continue;
+    let height = |k: usize| ((nodes[k].cost - lowest) / variance).max(0.0).sqrt();
+    let away = |k: usize| (nodes[k].theta[delay] - fit.theta[delay]).abs();
+    let own = nodes.iter().position(|n| n.theta[delay] >= fit.theta[delay]).unwrap_or(0);
+    let end = |outwards: &mut dyn Iterator<Item = usize>| {
+        let mut inside = own;
+        for k in outwards {
+            if height(k) > SIGMAS_95 {
+                let share = ((SIGMAS_95 - height(inside)) / (height(k) - height(inside))).clamp(0.0, 1.0);
+                return (k, away(inside) + share * (away(k) - away(inside)));
             }
-            return away(node) + outside.map_or(0.0, |o| (SIGMAS_95 - height(node)) / (height(o) - height(node)) * (away(o) - away(node)));
+            inside = k;
         }
-        0.0
+        (inside, away(inside))
     };
-    let (first, last) = (end(&mut nodes.iter()), end(&mut nodes.iter().rev()));
-    first.abs().max(last.abs())
+    let (first, last) = (end(&mut (0..own).rev()), end(&mut (own + 1..nodes.len())));
+    (&nodes[first.0..=last.0], first.1.max(last.1))
 }
 
 /// The inverse of normal equations, scaled to a unit diagonal before: amperes, seconds and bar differ by orders of
