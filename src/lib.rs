@@ -7,6 +7,8 @@ pub mod units;
 
 pub mod document;
 
+pub mod output;
+
 pub mod valve;
 
 pub mod physics;

@@ -11,6 +11,7 @@ use super::BatchError;
 use super::journal::{self, Damage, Journal, Kind, Line};
 use super::population::Population;
 use super::tally::Tally;
+use crate::output::{clear_leftovers, make_folder, whole_file};
 use crate::record::{Dut, Outcome};
 use crate::rig::RigIdentity;
 
@@ -117,7 +118,7 @@ impl Store {
     /// # Errors
     /// [`BatchError::Busy`], [`BatchError::Exists`], [`BatchError::Mismatch`] where the batch is another one, [`BatchError::Store`].
     pub fn open(dir: &Path, header: Header, resume: bool) -> Result<Self, BatchError> {
-        std::fs::create_dir_all(dir).map_err(|e| BatchError::store(dir, e))?;
+        make_folder(dir).map_err(|e| BatchError::store(dir, e))?;
         let lock_path = dir.join(LOCK);
         let lock = File::options().create(true).append(true).open(&lock_path).map_err(|e| BatchError::store(&lock_path, e))?;
         match lock.try_lock() {
@@ -125,6 +126,7 @@ impl Store {
             Err(std::fs::TryLockError::WouldBlock) => return Err(BatchError::Busy { path: dir.into() }),
             Err(std::fs::TryLockError::Error(e)) => return Err(BatchError::store(&lock_path, e)),
         }
+        clear_leftovers(dir);
         let path = dir.join(HEADER);
         let held = match std::fs::read(&path) {
             Ok(bytes) => Some(serde_json::from_slice::<Header>(&bytes).map_err(|e| {
@@ -215,18 +217,7 @@ pub fn load(dir: &Path) -> Result<Loaded, BatchError> {
 
 /// Writes a file that is whole or not there.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), BatchError> {
-    let part = path.with_extension(format!("part{}", std::process::id()));
-    let write = || {
-        let mut file = File::create(&part)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        std::fs::rename(&part, path)
-    };
-    write().map_err(|e| {
-        // The reason is told; a part that cannot be removed changes nothing about it.
-        let _ = std::fs::remove_file(&part);
-        BatchError::store(path, e)
-    })
+    whole_file(path, |file| file.write_all(bytes)).map_err(|e| BatchError::store(path, e.into_io()))
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! Recordings and truth as files.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::output::{WriteError, whole_file};
 use crate::recording::{Recording, RecordingError, Run};
 
 /// What can go wrong outside the arithmetic.
@@ -29,13 +31,11 @@ pub fn write_run(path: &Path, run: &Run) -> Result<(), ChallengeError> {
     Ok(recording.write(path)?)
 }
 
-/// Writes a text beside its place and moves it there, so that nobody ever reads half a file.
+/// Writes a text, whole or not at all, so that nobody ever reads half a file.
 ///
 /// # Errors
 /// What the file system says.
 pub fn write_text(path: &Path, text: &str) -> Result<(), ChallengeError> {
-    let fail = |source| ChallengeError::Write { path: path.to_owned(), source };
-    let unfinished = path.with_extension("part");
-    std::fs::write(&unfinished, text).map_err(fail)?;
-    std::fs::rename(&unfinished, path).map_err(fail)
+    let fail = |e: WriteError<std::io::Error>| ChallengeError::Write { path: path.to_owned(), source: e.into_io() };
+    whole_file(path, |file| file.write_all(text.as_bytes())).map_err(fail)
 }

@@ -32,7 +32,7 @@ pub fn run(args: &AcceptArgs) -> CliResult {
     }
     let folder = args.into.join(folder_name(&record.plan.name)?);
     let previous = TestRecord::load(&folder).ok();
-    std::fs::create_dir_all(&folder).map_err(|e| CliError::not_stored(format!("{}: {e}", folder.display())))?;
+    crate::output::make_folder(&folder).map_err(|e| CliError::not_stored(format!("{}: {e}", folder.display())))?;
     store(&folder.join("report.md"), &report::markdown(&record))?;
     store(&folder.join("report.txt"), &report::text(&record))?;
     // The record comes last: it is what `hil diff` reads, so it must not be newer than the reports beside it.

@@ -10,6 +10,7 @@ use sha2::{Digest, Sha256};
 use super::batch_bench::{Bench, Setup};
 use super::batch_folder;
 use super::batch_prompt::{Seen, lock};
+use super::outputs::Force;
 use super::run::{exit_code, key_value, stop_on_signals};
 use super::{CliError, CliResult, exit};
 use crate::batch::campaign::{self, Confirmed, Job, Retry, Rules};
@@ -18,6 +19,7 @@ use crate::batch::population::Population;
 use crate::batch::station::Station;
 use crate::batch::store::{Header, Loaded, SCHEMA, Store};
 use crate::batch::{BatchError, duts, master, summary};
+use crate::output::Outputs;
 use crate::plan::{LimitsFile, Override, Plan, RetryOn, SerialForm};
 use crate::record::{Dut, Outcome};
 use crate::report;
@@ -87,6 +89,9 @@ pub struct BatchArgs {
     /// Which valves get a folder with report and trace of their own; of simulated ones all up to 100, `failed` up to 1000, else none.
     #[arg(long, value_enum)]
     pub valve_reports: Option<ValveReports>,
+    /// Existing files.
+    #[command(flatten)]
+    pub force: Force,
     /// What is printed on stdout.
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
@@ -150,6 +155,11 @@ pub fn run(args: &BatchArgs) -> CliResult {
     let setup = Setup::new(&args.rig, plan, population.clone(), args.seed, station.as_ref())?;
     let header = header(args, &setup, population, limits.as_ref(), station_block, valves.as_deref())?;
     let dir = folder(args, &setup.plan.name)?;
+    // A folder that holds a batch is the store's to judge: it may be resumed.
+    let begins = !dir.join("batch.json").exists() && !dir.join("journal").exists();
+    let inputs = [Some(&args.plan), args.duts.as_ref(), args.limits.as_ref(), args.station.as_ref(), args.population.as_ref()];
+    let outputs = Outputs::new(args.force.force).reads(inputs.into_iter().flatten()).folder(begins.then_some(&dir), &batch_folder::FILES);
+    let _claim = outputs.claim()?;
     let store = Store::open(&dir, header, args.resume).map_err(failed)?;
     let loaded = store.load().map_err(failed)?;
     refuse_known(args, valves.as_deref())?;

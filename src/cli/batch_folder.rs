@@ -8,8 +8,20 @@ use crate::batch::index::Index;
 use crate::batch::store::write_whole;
 use crate::batch::summary::BatchSummary;
 use crate::batch::tally::{Attempt, Tally};
+use crate::output::Mark;
 use crate::recording::{Column, RecordingError, Values, replace_file, write_parquet};
 use crate::report;
+
+/// The files of a batch beside its journal.
+pub const FILES: [(&str, Mark); 7] = [
+    ("summary.md", Mark::None),
+    ("statistics.json", Mark::Schema(crate::batch::store::SCHEMA)),
+    ("report.html", Mark::Page),
+    ("junit.xml", Mark::None),
+    ("measurements.csv", Mark::None),
+    ("measurements.parquet", Mark::None),
+    ("valves", Mark::None),
+];
 
 /// Folder of one attempt below that of the batch.
 pub fn attempt_folder(serial: &str, attempt: u32) -> String {

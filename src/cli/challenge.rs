@@ -9,8 +9,10 @@ use std::process::Command;
 use clap::{Args, ValueEnum};
 use serde_json::Value;
 
+use super::outputs::Force;
 use super::{CliError, CliResult, exit};
 use crate::challenge::{Answer, ChallengeError, Contestant, Named, Seal, Verdict, draw_series, hold_trial, write_run, write_text};
+use crate::output::{Mark, Outputs};
 use crate::recording::{Recording, Run};
 use crate::report::challenge as report;
 
@@ -26,10 +28,16 @@ pub struct ChallengeArgs {
     /// Keep the recordings, models, diagnoses and the opened truth in this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Existing files.
+    #[command(flatten)]
+    force: Force,
     /// How to print the result
     #[arg(long, value_enum, default_value = "text")]
     format: ChallengeFormat,
 }
+
+/// What a kept challenge begins with; a folder that has it holds another one.
+const KEPT: [(&str, Mark); 2] = [("sealed", Mark::None), ("case-01", Mark::None)];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ChallengeFormat {
@@ -42,6 +50,7 @@ enum ChallengeFormat {
 pub fn run(args: &ChallengeArgs) -> CliResult {
     let seed = args.seed.unwrap_or_else(fresh_seed);
     let folder = args.out.clone().unwrap_or_else(|| std::env::temp_dir().join(format!("hil-challenge-{}", std::process::id())));
+    let _claim = Outputs::new(args.force.force).folder(args.out.as_ref(), &KEPT).claim()?;
     let outcome = hold(args, seed, &folder);
     if args.out.is_none() {
         // scratch; what could not be removed harms nobody
@@ -150,7 +159,7 @@ impl Contestant for Processes<'_> {
     fn simulate(&mut self, model: &PathBuf, run: &Run) -> Result<Vec<f64>, String> {
         let folder = if model.starts_with(absolute(&self.twin)?) { &self.twin } else { &self.scoring };
         write_run(&folder.join("drive.csv"), run).map_err(|e| e.to_string())?;
-        self.call(folder, &["simulate", "drive.csv", "--model", &model.to_string_lossy(), "-o", "simulated.csv"])?;
+        self.call(folder, &["simulate", "drive.csv", "--model", &model.to_string_lossy(), "--force", "-o", "simulated.csv"])?;
         let simulated = Recording::read(&folder.join("simulated.csv"), &[]).map_err(|e| e.to_string())?;
         simulated.runs.into_iter().next().and_then(|r| r.pressure_bar).ok_or_else(|| "no pressure_bar came back".to_owned())
     }

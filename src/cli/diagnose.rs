@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::outputs::{Force, PLAN, VALVE};
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::diagnose::{Diagnosed, Verdict, diagnose, story};
+use crate::output::{Mark, Outputs};
 use crate::physics::EFFECTS;
 use crate::recording::{Mapping, Recording, replace_file};
 use crate::report;
@@ -39,6 +41,9 @@ pub struct DiagnoseArgs {
     /// Takes a foreign channel, for instance current_a="I_cmd [mA]" or current_a="0.01 * duty_pct"
     #[arg(long, value_name = "CH=EXPR")]
     map: Vec<String>,
+    /// Existing files.
+    #[command(flatten)]
+    force: Force,
     /// Format of what is printed
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -58,7 +63,10 @@ enum Format {
 /// Diagnoses, writes what was asked for, prints.
 pub fn run(args: &DiagnoseArgs) -> CliResult {
     let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
-    let mut valve = checked_valve(&Valve::find(&args.model).map_err(CliError::input)?)?;
+    let model = Valve::find(&args.model).map_err(CliError::input)?;
+    let outputs = Outputs::new(args.force.force).reads([&args.recording, &model]).file(args.output.as_ref(), VALVE);
+    let _claim = outputs.file(args.report.as_ref(), Mark::Page).file(args.next_plan.as_ref(), PLAN).claim()?;
+    let mut valve = checked_valve(&model)?;
     for part in &args.without {
         take_out(&mut valve, part)?;
     }

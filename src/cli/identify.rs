@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use sha2::{Digest, Sha256};
 
+use super::outputs::{Force, VALVE};
 use super::{CliError, CliResult, exit};
 use crate::identify::{HysteresisChoice, Options, identify};
+use crate::output::{Mark, Outputs};
 use crate::recording::{Mapping, Recording, replace_file};
 use crate::report;
 
@@ -34,6 +36,9 @@ pub struct IdentifyArgs {
     /// Write a page with loop, residuals and parameters here.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Existing files.
+    #[command(flatten)]
+    force: Force,
     /// Format of what is printed.
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -54,6 +59,8 @@ enum Format {
 /// Identifies, writes the model, prints what was found.
 pub fn run(args: &IdentifyArgs) -> CliResult {
     let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
+    let outputs = Outputs::new(args.force.force).reads([&args.recording]);
+    let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;
     let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
     let options = Options {
         name: args.name.clone(),

@@ -22,6 +22,7 @@ mod margins;
 mod master;
 mod msa;
 mod on_wire;
+mod outputs;
 mod paper;
 mod probe;
 mod progress;

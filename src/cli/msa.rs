@@ -9,6 +9,7 @@ use rand::seq::SliceRandom;
 
 use super::batch::failed;
 use super::batch_bench::{RigArgs, Setup};
+use super::outputs::Force;
 use super::run::key_value;
 use super::{CliError, CliResult, exit};
 use crate::batch::msa::{GaugeStudy, Study, gauge_study};
@@ -16,6 +17,7 @@ use crate::batch::population::Population;
 use crate::batch::store::write_whole;
 use crate::batch::tally::measurements;
 use crate::batch::{BatchError, readings};
+use crate::output::{Mark, Outputs};
 use crate::plan::{Override, Plan};
 use crate::record::{Dut, TestRecord};
 use crate::report::batch::{msa_markdown, msa_text};
@@ -56,6 +58,9 @@ pub struct MsaArgs {
     /// Write the readings and the study to files in this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Existing files.
+    #[command(flatten)]
+    pub force: Force,
     /// What is printed on stdout.
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
@@ -84,12 +89,13 @@ struct Readings {
 
 /// Runs the command.
 pub fn run(args: &MsaArgs) -> CliResult {
+    let names = [("readings.csv", Mark::None), ("msa.json", Mark::Schema("hil.msa/1"))];
+    let _claim = Outputs::new(args.force.force).reads([&args.source]).folder(args.out.as_ref(), &names).claim()?;
     let is_plan = args.source.extension().is_some_and(|e| e == "toml");
     let taken = if is_plan { take(args)? } else { read(args)? };
     let study = gauge_study(&taken.study, taken.tolerance).map_err(CliError::input)?;
     let json = json(&taken, &study);
     if let Some(dir) = &args.out {
-        std::fs::create_dir_all(dir).map_err(|e| CliError::not_stored(format!("{}: {e}", dir.display())))?;
         write_whole(&dir.join("readings.csv"), readings::write(&taken.study).as_bytes()).map_err(failed)?;
         write_whole(&dir.join("msa.json"), json.as_bytes()).map_err(failed)?;
     }

@@ -8,9 +8,11 @@ use clap::Args;
 use sha2::{Digest, Sha256};
 
 use super::on_wire::{self, WireArgs};
+use super::outputs::{Force, RUN};
 use super::progress::Bar;
 use super::{CliError, CliResult, exit, run_folder};
 use crate::document;
+use crate::output::Outputs;
 use crate::physics::{PhysicsError, resolve};
 use crate::plan::{LimitsFile, Override, Plan};
 use crate::record::{Dut, Outcome, Provenance, TestRecord, Trace};
@@ -50,6 +52,9 @@ pub struct RunArgs {
     /// Folder for record, reports and trace; a new one under reports/runs/ by default.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Existing files.
+    #[command(flatten)]
+    pub force: Force,
     /// What is printed on stdout.
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
@@ -90,12 +95,11 @@ pub fn run(args: &RunArgs) -> CliResult {
     plan.check_valve(&model).and_then(|()| plan.check_valve(&valve)).map_err(CliError::input)?;
     let dut = dut(args, &valve);
     let folder = match &args.out {
-        Some(folder) => {
-            run_folder::make_folder(folder)?;
-            folder.clone()
-        }
+        Some(folder) => folder.clone(),
         None => run_folder::new_folder(&plan.name, &dut.serial)?,
     };
+    let inputs = [&args.plan, &valve_path].into_iter().chain(&args.limits);
+    let _claim = Outputs::new(args.force.force).reads(inputs).folder(Some(&folder), &RUN).claim()?;
     let started = jiff::Timestamp::now();
     let (mut record, trace) = if args.wire.driver.is_some() {
         let run = on_wire::run(&plan, &model, &dut, args.seed, &args.wire)?;

@@ -6,8 +6,10 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::outputs::Force;
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
+use crate::output::{Mark, Outputs};
 use crate::physics;
 use crate::recording::{Format, Mapping, Recording, Run};
 use crate::units::{CURRENT, PRESSURE};
@@ -27,6 +29,9 @@ pub struct SimulateArgs {
     /// Takes a foreign channel, for instance current_a="I_cmd [mA]" or current_a="0.01 * duty_pct"
     #[arg(long, value_name = "CH=EXPR")]
     map: Vec<String>,
+    /// Existing files.
+    #[command(flatten)]
+    force: Force,
     /// How to print the summary; `json` prints it alone, and the pressure only goes to -o
     #[arg(long, value_enum, default_value = "text")]
     format: SummaryFormat,
@@ -71,7 +76,9 @@ pub fn run(args: &SimulateArgs) -> CliResult {
         Format::of(path).map_err(CliError::usage)?;
     }
     let map = args.map.iter().map(|text| Mapping::parse(text)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
-    let valve = checked_valve(&Valve::find(&args.model).map_err(CliError::input)?)?;
+    let model = Valve::find(&args.model).map_err(CliError::input)?;
+    let _claim = Outputs::new(args.force.force).reads([&args.recording, &model]).file(args.output.as_ref(), Mark::None).claim()?;
+    let valve = checked_valve(&model)?;
     let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
     let mut messages = anstream::stderr();
     for note in recording.notes.iter().map(|n| format!("note: {}: {n}", recording.source)) {

@@ -1,13 +1,14 @@
 //! Writing: a file appears whole under its name or not at all.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use super::table::{Column, Values};
 use super::{Channel, Recording, RecordingError, Run};
+use crate::output::{WriteError, whole_file};
 
-/// Writes a file through `write` beside `path` and renames it when it is complete and on disk.
+/// Writes a file that is whole under its name, or not there ([`whole_file`]).
 ///
 /// # Errors
 /// What the file system or `write` says; nothing is left behind then, and an older file stays as it was.
@@ -15,22 +16,10 @@ pub fn replace_file<E>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
 where
     RecordingError: From<(E, std::path::PathBuf)>,
 {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let result = (|| {
-        let mut file = BufWriter::with_capacity(1 << 18, File::create(&part).map_err(RecordingError::io(path))?);
-        write(&mut file).map_err(|e| RecordingError::from((e, path.into())))?;
-        let file = file.into_inner().map_err(|e| RecordingError::io(path)(e.into_error()))?;
-        file.sync_all().map_err(RecordingError::io(path))?;
-        fs::rename(&part, path).map_err(RecordingError::io(path))
-    })();
-    if result.is_err() {
-        // The reason is already told; a part that cannot be removed changes nothing about it.
-        let _ = fs::remove_file(&part);
-    }
-    result
+    whole_file(path, write).map_err(|e| match e {
+        WriteError::Io(source) => RecordingError::io(path)(source),
+        WriteError::Content(e) => RecordingError::from((e, path.into())),
+    })
 }
 
 impl From<(std::io::Error, std::path::PathBuf)> for RecordingError {

@@ -12,6 +12,8 @@ pub fn page(title: &str, body: &Markup) -> String {
         html lang="en" {
             head {
                 meta charset="utf-8";
+                // The mark by which an output may be replaced by another page: `output::Mark::PAGE`.
+                meta name="generator" content="hil";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
                 style { (PreEscaped(STYLE)) }

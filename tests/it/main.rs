@@ -6,6 +6,7 @@ mod blind;
 mod challenge;
 mod diagnose;
 mod identify;
+mod outputs;
 mod paper;
 mod peers;
 mod run;

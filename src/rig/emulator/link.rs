@@ -38,7 +38,8 @@ impl Pty {
         rustix::termios::tcsetattr(&device, rustix::termios::OptionalActions::Now, &settings)?;
         let link = link.map(Path::to_path_buf);
         if let Some(link) = &link {
-            if link.is_symlink() {
+            // The link of an emulator that is gone may go; one to a file is somebody's.
+            if link.is_symlink() && std::fs::read_link(link)?.starts_with("/dev") {
                 std::fs::remove_file(link)?;
             }
             std::os::unix::fs::symlink(&path, link)?;
