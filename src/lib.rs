@@ -11,11 +11,13 @@ pub mod output;
 
 pub mod valve;
 
+pub mod recording;
+
+pub mod course;
+
 pub mod physics;
 
 pub mod control;
-
-pub mod recording;
 
 pub mod metrics;
 
