@@ -9,13 +9,12 @@ use std::path::Path;
 use std::time::Duration;
 
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime};
-use hil::diagnose::DiagnoseError;
 use hil::physics::{EFFECTS, Kind, simulate, specification};
 use hil::recording::{Recording, Run};
 use hil::valve::Valve;
 
 // The fits of the search are no part of the library's interface: its own files are compiled in.
-use hil::{physics, recording, valve};
+use hil::{course, physics, valve};
 #[path = "../src/diagnose/descent.rs"]
 #[allow(dead_code)]
 mod descent;
@@ -112,7 +111,8 @@ fn effects(c: &mut Criterion) {
 fn candidates(c: &mut Criterion) {
     let recording = recording_of(recorded("first_order_lag", 0.05));
     let valve = calibrated();
-    let evidence = evidence::Evidence::of(&recording).expect("the bench's recording carries a diagnosis");
+    let course = course::Course::take(recording, &course::Preparation::default()).expect("the bench's recording has a command");
+    let evidence = evidence::Evidence::of(course).expect("the bench's recording carries a diagnosis");
     let base = model::Model::base(&valve).expect("the bench's valve can be simulated");
     let fitter = fit::Fitter::new(&evidence);
     let null = fitter.recalibrate(&base, &[]);

@@ -8,7 +8,8 @@ use sha2::{Digest, Sha256};
 
 use super::outputs::{Force, VALVE};
 use super::{CliError, CliResult, exit};
-use crate::identify::{HysteresisChoice, Options, identify};
+use crate::course::{Course, Preparation};
+use crate::identify::{HysteresisChoice, Options, identify_course};
 use crate::output::{Mark, Outputs};
 use crate::recording::{Mapping, Recording, replace_file};
 use crate::report;
@@ -72,7 +73,8 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
         },
         sha256: Some(sha256(&args.recording)?),
     };
-    let found = identify(&recording, &options).map_err(|e| match e {
+    let course = Course::take(recording, &Preparation::default()).map_err(CliError::input)?;
+    let found = identify_course(&course, &options).map_err(|e| match e {
         crate::identify::IdentifyError::Option { .. } => CliError::usage(e),
         other => CliError::input(other),
     })?;

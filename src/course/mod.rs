@@ -202,6 +202,11 @@ impl Run {
         self.time_s(k) + self.offset_steps.as_ref().map_or(0.0, |o| f64::from(o[k])) * self.dt_s
     }
 
+    /// Whether every reading stands on the grid.
+    pub fn is_on_grid(&self) -> bool {
+        self.offset_steps.is_none()
+    }
+
     /// Takes what was simulated on the grid to the times of the readings, in place: a reading is compared with the
     /// simulation where it was taken, and nothing measured is ever interpolated.
     pub fn at_readings(&self, simulated: &mut [f64]) {

@@ -126,7 +126,7 @@ impl<'a> Findings<'_, 'a> {
         }
         let curves = Curves {
             runs,
-            time_s: evidence.grids.iter().flat_map(|g| (0..g.current_a.len()).map(|k| g.time_s(k))).collect(),
+            time_s: evidence.grids.iter().flat_map(|g| (0..g.len()).map(|k| g.reading_s(k))).collect(),
             current_a: evidence.grids.iter().flat_map(|g| g.current_a.iter().copied()).collect(),
             measured_bar: measured_all,
             base_bar,

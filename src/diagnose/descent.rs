@@ -178,7 +178,7 @@ impl Fitter<'_> {
             GAIN => column.extend(pressure().map(|p| known((p - at.theta[OFFSET]) / (1.0 + at.theta[GAIN])))),
             OFFSET => column.resize(residual.len(), 1.0),
             DELAY => {
-                let per_step = 1.0 / self.evidence.grids[0].dt_s;
+                let per_step = 1.0 / self.evidence.step_s();
                 column.push(0.0);
                 column.extend(pressure().zip(pressure().skip(1)).map(|(before, p)| known((before - p) * per_step)));
             }

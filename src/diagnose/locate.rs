@@ -47,7 +47,7 @@ pub fn variables(evidence: &Evidence, simulated_bar: &[f64]) -> Vec<Variable> {
         }
     }
     columns[0] = simulated_bar.to_vec();
-    let time = evidence.grids.iter().flat_map(|g| (0..g.current_a.len()).map(|k| g.time_s(k))).collect();
+    let time = evidence.grids.iter().flat_map(|g| (0..g.len()).map(|k| g.elapsed_s + k as f64 * g.dt_s)).collect();
     let names = ["pressure_bar", "current_a", "rate_a_per_s", "distance_since_reversal_a", "time_since_reversal_s", "dwell_s"];
     let mut all: Vec<Variable> = names.into_iter().zip(columns).map(|(name, values)| Variable { name, values }).collect();
     all.push(Variable { name: "time_s", values: time });
@@ -122,9 +122,9 @@ fn windows(evidence: &Evidence, residual: &[f64], total: f64, noise: f64) -> Vec
 
 /// The frequencies between which the middle four fifths of the energy beyond the white noise lie [Hz].
 fn band(evidence: &Evidence, residual: &[f64]) -> Option<(f64, f64)> {
-    let n = evidence.grids[0].current_a.len();
-    let dt_s = evidence.grids[0].dt_s;
-    let mut input: Vec<f64> = residual[..n].iter().map(|e| if e.is_finite() { *e } else { 0.0 }).collect();
+    let (samples, run) = evidence.longest();
+    let (n, dt_s) = (samples.len(), run.dt_s);
+    let mut input: Vec<f64> = residual[samples].iter().map(|e| if e.is_finite() { *e } else { 0.0 }).collect();
     let mean = input.iter().sum::<f64>() / n as f64;
     input.iter_mut().for_each(|e| *e -= mean);
     let plan = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(n);

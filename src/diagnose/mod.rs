@@ -37,6 +37,7 @@ use evidence::Evidence;
 use fit::Fitter;
 use model::{Model, Simulator};
 
+use crate::course::{Course, CourseError, Preparation};
 use crate::physics::{EFFECTS, Effect, Kind, Scatter};
 use crate::recording::Recording;
 use crate::valve::Valve;
@@ -52,6 +53,9 @@ pub enum DiagnoseError {
         /// What is missing, and what is wanted.
         problem: String,
     },
+    /// It cannot be compared with any model.
+    #[error(transparent)]
+    Course(#[from] CourseError),
     /// The model cannot be simulated.
     #[error("{model}: {source}")]
     Model {
@@ -67,13 +71,13 @@ pub enum DiagnoseError {
 /// # Errors
 /// [`DiagnoseError`] where the recording is too short, has no excitation or no pressure, or the model cannot be simulated.
 pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, DiagnoseError> {
-    let mut evidence = Evidence::of(recording)?;
+    let mut evidence = Evidence::of(Course::of(recording, &Preparation::default())?)?;
     let mut base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) })?;
     if evidence.is_slow() {
-        base = base.of_process(evidence.grids[0].dt_s);
+        base = base.of_process(evidence.step_s());
         evidence.notes.push(format!(
             "a sample every {} s shows a process rather than the valve in it: its lag counts as part of the model, and only friction and play of the valve are looked for",
-            evidence.grids[0].dt_s
+            evidence.step_s()
         ));
     }
     if let Some(problem) = evidence.mismatch(valve) {
@@ -112,7 +116,7 @@ fn scatter(fitter: &Fitter<'_>, fit: &fit::Fit<'_>, asked: impl Fn(&dyn Effect) 
     let mut simulated = Vec::new();
     Simulator::new(fitter.evidence).pressure(&fit.model, &fit.theta, &mut simulated);
     let look = Scatter {
-        dt_s: fitter.evidence.grids[0].dt_s,
+        dt_s: fitter.evidence.step_s(),
         noise_bar: fitter.evidence.noise_bar,
         measured_bar: &fitter.measured,
         simulated_bar: &simulated,

@@ -346,7 +346,7 @@ impl<'e> Simulator<'e> {
         let static_key = [theta[0], theta[1], theta[2], theta[3]];
         out.clear();
         for (grid, kept) in self.evidence.grids.iter().zip(&mut self.runs) {
-            let context = pipeline.context(grid.start_s, grid.dt_s, None);
+            let context = pipeline.context(grid.elapsed_s, grid.dt_s, None);
             let same_current = kept.current_key == current_key && !kept.current_a.is_empty();
             if !same_current {
                 pipeline.current_stages(&context, &grid.current_a, &mut kept.current_a);
@@ -360,6 +360,7 @@ impl<'e> Simulator<'e> {
             let from = out.len();
             out.extend_from_slice(&kept.static_bar);
             pipeline.pressure_stages(&context, &kept.current_a, &mut out[from..]);
+            grid.at_readings(&mut out[from..]);
         }
     }
 

@@ -219,15 +219,15 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
 
 /// What an effect may look at to propose where its fit begins.
 fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], incumbent: &Fit<'_>) -> Hint<'h> {
-    let grids = &fitter.evidence.grids;
+    let (samples, run) = fitter.evidence.longest();
     Hint {
-        start_s: grids[0].start_s,
-        dt_s: grids[0].dt_s,
-        current_a: &grids[0].current_a,
+        start_s: run.elapsed_s,
+        dt_s: run.dt_s,
+        current_a: &run.current_a,
         delay_s: incumbent.theta[4],
-        // Proposals come from the longest run's worth at the front; the fit then sees all runs.
-        residual_bar: &residual[..grids[0].current_a.len()],
-        pressure_bar: &pressure[..grids[0].current_a.len()],
+        // Proposals come from the longest run; the fit then sees all runs.
+        residual_bar: &residual[samples.clone()],
+        pressure_bar: &pressure[samples],
         scale_bar: incumbent.scale_bar,
         recalibrated: (incumbent.theta[0], incumbent.theta[1]),
     }

@@ -2,9 +2,10 @@
 //! frequency, before and after, and the signature of what was found.
 
 use super::diagnosis::{Curves, Diagnosed};
-use super::evidence::{Evidence, Grid};
+use super::evidence::Evidence;
 use super::locate::{Variable, bins, variables};
 use super::signature::{Signature, label, signatures};
+use crate::course::Run;
 
 /// Slices that a run is cut into.
 const SLICES: usize = 60;
@@ -120,20 +121,17 @@ pub fn story(found: &Diagnosed) -> Story {
 
 fn ranges(curves: &Curves) -> Vec<std::ops::Range<usize>> {
     let ends = curves.runs.iter().skip(1).map(|r| r.0).chain([curves.time_s.len()]);
-    curves.runs.iter().zip(ends).map(|(r, end)| r.0..end).filter(|r| r.len() > 1).collect()
+    curves.runs.iter().zip(ends).map(|(r, end)| r.0..end).filter(|r| !r.is_empty()).collect()
 }
 
-fn grids(curves: &Curves) -> Vec<Grid> {
+fn grids(curves: &Curves) -> Vec<Run> {
     let names = curves.runs.iter().map(|r| r.1.clone());
     ranges(curves)
         .into_iter()
         .zip(names)
-        .map(|(r, name)| Grid {
-            name,
-            start_s: curves.time_s[r.start],
-            dt_s: (curves.time_s[r.end - 1] - curves.time_s[r.start]) / (r.len() - 1) as f64,
-            current_a: curves.current_a[r.clone()].to_vec(),
-            pressure_bar: curves.measured_bar[r].to_vec(),
+        .map(|(r, name)| {
+            let dt_s = (curves.time_s[r.end - 1] - curves.time_s[r.start]) / (r.len() - 1).max(1) as f64;
+            Run::even(name, curves.time_s[r.start], dt_s, curves.current_a[r.clone()].to_vec(), curves.measured_bar[r].to_vec())
         })
         .collect()
 }
@@ -182,7 +180,7 @@ fn strip(variable: &Variable, base: &[f64], augmented: &[f64]) -> Strip {
     Strip { label: label(variable.name), cells }
 }
 
-fn run(grid: &Grid, samples: std::ops::Range<usize>, base: &[f64], augmented: &[f64]) -> RunStory {
+fn run(grid: &Run, samples: std::ops::Range<usize>, base: &[f64], augmented: &[f64]) -> RunStory {
     let n = samples.len();
     let per = n.div_ceil(SLICES.min(n / 10 + 1));
     let slices: Vec<Slice> = (0..n)

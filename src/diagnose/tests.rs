@@ -126,7 +126,7 @@ fn a_recording_that_carries_no_diagnosis_is_refused_with_the_reason() {
         diagnose(&r, &valve()).unwrap_err().to_string()
     };
     assert!(with(&|r| r.pressure_bar = None).contains("pressure_bar"));
-    assert!(with(&|r| r.current_a.fill(0.5)).contains("constant current"));
+    assert!(with(&|r| r.current_a.fill(0.5)).contains("current is constant"));
     assert!(with(&|r| r.current_a.iter_mut().for_each(|i| *i *= 1000.0)).contains("mA"));
     let short = with(&|r| {
         r.time_s.truncate(50);

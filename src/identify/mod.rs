@@ -23,6 +23,7 @@ pub use error::IdentifyError;
 pub use outcome::{DrawnCurves, Identified, Parameter, Trace};
 pub use select::OrderError;
 
+use crate::course::{Course, CourseError, Preparation};
 use crate::recording::Recording;
 use fit::Problem;
 use model::Shape;
@@ -62,17 +63,25 @@ pub const MAX_ORDER: usize = 9;
 /// Share of the direction bins that both directions must cover for a hysteresis to be fitted.
 const MIN_BOTH: usize = survey::DIRECTION_BINS * 3 / 20;
 
-/// Identifies a valve model.
+/// Identifies a valve model from a recording.
 ///
 /// # Errors
 /// [`IdentifyError`] where a channel is missing, or the data hold nothing to identify.
 pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, IdentifyError> {
+    identify_course(&Course::of(recording, &Preparation::default())?, options)
+}
+
+/// Identifies a valve model from a recording that is made ready.
+///
+/// # Errors
+/// As [`identify`].
+pub fn identify_course(course: &Course, options: &Options) -> Result<Identified, IdentifyError> {
     if let Some(order) = options.order.filter(|o| !(1..=MAX_ORDER).contains(o)) {
         return Err(IdentifyError::Option { option: "--order", problem: format!("{order} is not allowed; 1 to {MAX_ORDER} are") });
     }
-    let (mut segments, whole) = windows::segments(recording);
-    let mut survey = checked_survey(recording, &mut segments)?;
-    survey.recorded_a = windows::range(recording);
+    let (mut segments, whole) = windows::segments(course);
+    let mut survey = checked_survey(course, &mut segments)?;
+    survey.recorded_a = course.current_range_a();
     let duration_s = segments.iter().map(|s| s.time_s[s.len() - 1] - s.time_s[0]).fold(0.0, f64::max);
     let step_s = segments[0].step_s;
     let longest_s = (50.0 * step_s).max(0.5).min(0.25 * duration_s);
@@ -105,10 +114,10 @@ pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, 
     fit = below_the_floor(&problem, fit, &survey, &weights);
     let (fit, limit) = select::fit_robust(&problem, &fit.shape, &fit.theta, &weights, noise_bar, &[10, 10]);
     if !fit.theta.iter().all(|t| t.is_finite()) || !fit.cost.is_finite() {
-        return Err(IdentifyError::NotFinite { source_name: recording.source.clone() });
+        return Err(IdentifyError::NotFinite { source_name: course.source.clone() });
     }
     let (fit, nodes) = profile::lowest(&problem, fit, &weights, limit, |fit| uncertainty::variance(&problem, fit, &weights, limit).0);
-    let data = outcome::Data { recording, whole, problem: &problem, survey: &survey };
+    let data = outcome::Data { course, whole, problem: &problem, survey: &survey };
     Ok(outcome::outcome(&data, options, &fit, (&nodes, limit), orders))
 }
 
@@ -164,26 +173,11 @@ fn first_fit(problem: &Problem<'_>, survey: &survey::Survey, options: &Options, 
 }
 
 /// The survey, after everything is refused from which nothing can be identified.
-fn checked_survey(recording: &Recording, segments: &mut [Segment]) -> Result<survey::Survey, IdentifyError> {
-    let source_name = recording.source.clone();
-    let missing = |channel| Err(IdentifyError::MissingChannel { source_name: source_name.clone(), channel });
-    if !recording.runs.iter().any(|r| r.current_a.iter().any(|i| i.is_finite())) {
-        return missing("current_a");
-    }
-    if !recording.runs.iter().any(|r| r.pressure_bar.iter().flatten().any(|p| p.is_finite())) {
-        return missing("pressure_bar");
-    }
-    let found = survey::survey(segments);
+fn checked_survey(course: &Course, segments: &mut [Segment]) -> Result<survey::Survey, IdentifyError> {
+    course.carries(MIN_SAMPLES)?;
+    let found = survey::survey(segments, course.noise.bar);
     if found.samples < MIN_SAMPLES {
-        return Err(IdentifyError::TooShort { source_name, samples: found.samples, wanted: MIN_SAMPLES });
-    }
-    let (low, high) = found.recorded_a;
-    let span_a = high - low;
-    if span_a <= 1e-6 * low.abs().max(high.abs()) {
-        return Err(IdentifyError::ConstantCurrent { source_name, span_a, mean_a: 0.5 * (low + high) });
-    }
-    if found.span_bar <= 12.0 * found.noise_bar || found.span_bar <= 0.0 {
-        return Err(IdentifyError::ConstantPressure { source_name, span_bar: found.span_bar, noise_bar: found.noise_bar });
+        return Err(CourseError::TooShort { source_name: course.source.clone(), readings: found.samples, wanted: MIN_SAMPLES }.into());
     }
     Ok(found)
 }

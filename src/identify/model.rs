@@ -194,6 +194,7 @@ impl Shape {
             }
         }
         segment.lagged(self.lag_s(theta), out);
+        segment.at_readings(out);
     }
 }
 

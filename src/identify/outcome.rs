@@ -7,7 +7,7 @@ use super::select::OrderError;
 use super::survey::{Survey, play};
 use super::uncertainty::{covariance, error_of, variance};
 use super::{Options, warnings, windows};
-use crate::recording::Recording;
+use crate::course::Course;
 use crate::units::{self, Current, Pressure};
 use crate::valve::{Hysteresis, Identification, ParameterEstimate, ReferenceCurves, Valve};
 
@@ -93,8 +93,8 @@ impl Identified {
 
 /// What was fitted to.
 pub(super) struct Data<'a> {
-    /// The recording.
-    pub recording: &'a Recording,
+    /// The recording, made ready.
+    pub course: &'a Course,
     /// Whether the problem holds the whole recording.
     pub whole: bool,
     /// The fitted segments.
@@ -110,7 +110,7 @@ pub(super) fn outcome(
     (nodes, limit): (&[Node], f64),
     orders: Vec<OrderError>,
 ) -> Identified {
-    let Data { recording, whole, problem, survey } = *data;
+    let Data { course, whole, problem, survey } = *data;
     let shape = &fit.shape;
     let weights = problem.weights();
     let (variance, time) = variance(problem, fit, &weights, limit);
@@ -122,12 +122,12 @@ pub(super) fn outcome(
     let average = problem.simulate(shape, &fit.theta, &delayed, true);
     let error_of_delay = parameters.iter().find(|p| p.name == "delay").map_or(0.0, |p| p.std_error);
     let margin_s = (2.0 * error_of_delay).clamp(0.005, problem.delay_max_s.max(0.005));
-    let stem = std::path::Path::new(&recording.source).file_stem().map(|s| s.to_string_lossy().into_owned());
+    let stem = std::path::Path::new(&course.source).file_stem().map(|s| s.to_string_lossy().into_owned());
     let name = options.name.clone().or(stem).unwrap_or_else(|| "identified".into());
     let hysteresis = if shape.hysteresis { Hysteresis::Hyperbolic { a_bar2: shape.a_bar2(&fit.theta) } } else { Hysteresis::None };
     let mut valve = Valve {
         name,
-        source: format!("identified from {}", recording.source),
+        source: format!("identified from {}", course.source),
         curves: shape.curves(&fit.theta),
         hysteresis,
         delay_s,
@@ -142,15 +142,15 @@ pub(super) fn outcome(
     let ones: Vec<f64> =
         problem.segments.iter().flat_map(|s| s.pressure_bar.iter().map(|p| if p.is_finite() { 1.0 } else { 0.0 })).collect();
     let (rmse_bar, rmse_average_model_bar) =
-        if whole { (rmse(problem, &simulated, &ones), rmse(problem, &average, &ones)) } else { rmse_of_all(recording, fit) };
+        if whole { (rmse(problem, &simulated, &ones), rmse(problem, &average, &ones)) } else { rmse_of_all(course, fit) };
     let (r2_ascending, r2_descending) = branches(problem, survey, &delayed, &simulated);
-    let mut notes = warnings::notes(recording, survey, fit, &valve);
+    let mut notes = warnings::notes(course, survey, fit, &valve);
     if !whole {
-        notes.push(warnings::windows_note(recording, problem));
+        notes.push(warnings::windows_note(course, problem));
     }
     let warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
     valve.identification = Some(Identification {
-        recording: recording.source.clone(),
+        recording: course.source.clone(),
         sha256: options.sha256.clone(),
         rmse: Some(Pressure::new(rmse_bar)),
         rmse_average_model: Some(Pressure::new(rmse_average_model_bar)),
@@ -277,12 +277,12 @@ fn rmse(problem: &Problem<'_>, simulated: &[f64], weights: &[f64]) -> f64 {
 }
 
 /// RMSE of the model and of the average model over every sample of a long recording [bar].
-fn rmse_of_all(recording: &Recording, fit: &Fit) -> (f64, f64) {
+fn rmse_of_all(course: &Course, fit: &Fit) -> (f64, f64) {
     let curves = fit.shape.curves(&fit.theta);
     let delay_s = fit.theta[fit.shape.delay()];
     let mut sums = [0.0; 3];
     let (mut delayed, mut out) = (Vec::new(), Vec::new());
-    windows::pieces(recording, |segment, skip| {
+    windows::pieces(course, |segment, skip| {
         delayed.resize(segment.len(), 0.0);
         out.resize(segment.len(), 0.0);
         segment.delayed(delay_s, &mut delayed);

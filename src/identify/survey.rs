@@ -2,8 +2,6 @@
 
 use super::segment::Segment;
 
-/// Share of the second differences that is cut off as not noise; the factor restores a Gaussian's deviation.
-const NOISE_CUT: (f64, f64) = (0.10, 0.7893);
 /// Half-width of the window of the outlier test, in samples.
 const OUTLIER_HALF_WINDOW: usize = 2;
 /// An outlier is this many noise deviations away from the median of its neighbours.
@@ -26,7 +24,7 @@ pub(super) const DIRECTION_BINS: usize = 20;
 pub(super) struct Survey {
     /// Range of the pressure, without outliers [bar].
     pub span_bar: f64,
-    /// Deviation of the sensor noise, from second differences [bar].
+    /// Deviation of the sensor noise [bar].
     pub noise_bar: f64,
     /// Level of a flat bottom [bar].
     pub floor_bar: Option<f64>,
@@ -55,8 +53,7 @@ pub(super) struct Survey {
 }
 
 /// Looks at the segments, and sets the weight of outliers and of samples on a flat top to 0.
-pub(super) fn survey(segments: &mut [Segment]) -> Survey {
-    let noise_bar = noise(segments, f64::NEG_INFINITY);
+pub(super) fn survey(segments: &mut [Segment], noise_bar: f64) -> Survey {
     let mut pressures = sorted(segments.iter().flat_map(|s| s.pressure_bar.iter().copied()));
     let span = |p: &[f64]| quantile(p, 0.999) - quantile(p, 0.001);
     let outliers = segments.iter_mut().map(|s| mark_outliers(s, (OUTLIER_SIGMAS * noise_bar).max(0.005 * span(&pressures)))).sum();
@@ -66,11 +63,6 @@ pub(super) fn survey(segments: &mut [Segment]) -> Survey {
     let currents = sorted(segments.iter().flat_map(|s| s.current_a.iter().copied()));
     let recorded_a = (currents.first().copied().unwrap_or(0.0), currents.last().copied().unwrap_or(0.0));
     let floor_bar = floor(&pressures, noise_bar, span_bar);
-    let noise_bar = match floor_bar {
-        // At the floor a sensor may be cut at zero and show less noise than it has.
-        Some(level) => Some(noise(segments, level + 6.0 * noise_bar)).filter(|n| *n > 0.0).unwrap_or(noise_bar),
-        None => noise_bar,
-    };
     let ceiling_bar = ceiling(segments, &pressures, noise_bar, span_bar, recorded_a);
     let mut on_ceiling = 0;
     if let Some(level) = ceiling_bar {
@@ -172,25 +164,6 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
         0 => 0.0,
         n => sorted[((n - 1) as f64 * share).round() as usize],
     }
-}
-
-/// Noise from second differences, which a slow signal does not reach.
-fn noise(segments: &[Segment], above_bar: f64) -> f64 {
-    let mut sizes: Vec<f64> = Vec::new();
-    for s in segments {
-        for p in s.pressure_bar.windows(3) {
-            if p[0] > above_bar && p[1] > above_bar && p[2] > above_bar {
-                sizes.push((p[0] - 2.0 * p[1] + p[2]).abs());
-            }
-        }
-    }
-    sizes.sort_unstable_by(f64::total_cmp);
-    let kept = (sizes.len() as f64 * (1.0 - NOISE_CUT.0)) as usize;
-    if kept < 10 {
-        return 0.0;
-    }
-    let square: f64 = sizes[..kept].iter().map(|d| d * d).sum::<f64>() / kept as f64;
-    (square / 6.0).sqrt() / NOISE_CUT.1
 }
 
 /// Samples far from the median of their neighbours. On a monotone stretch, however steep, the median is the

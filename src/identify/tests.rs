@@ -260,10 +260,10 @@ fn what_cannot_be_identified_is_refused() {
         recording(vec![Run { time_s, current_a, pressure_bar, ..Run::default() }])
     };
     let refused = |r: &Recording| identify(r, &Options::default()).unwrap_err().to_string();
-    insta::assert_snapshot!(refused(&run(vec![0.5; n], Some(vec![20.0; n]))), @"test.csv: the current stays within 0.000000 A around 0.5000 A, so no curve can be found; a sweep is wanted");
-    insta::assert_snapshot!(refused(&run(vec![0.5; n], None)), @r#"test.csv: no `pressure_bar` to identify from; a foreign channel comes in by `--map pressure_bar="CHANNEL [unit]"`"#);
-    insta::assert_snapshot!(refused(&run((0..n).map(|k| k as f64 * 0.005).collect(), Some(vec![20.0; n]))), @"test.csv: the pressure stays within 0.0000 bar (noise 0.0000 bar) while the current moves: nothing to identify");
-    insta::assert_snapshot!(refused(&run(vec![0.1, 0.2], Some(vec![1.0, 2.0]))), @"test.csv: 0 samples with current and pressure; at least 50 are needed");
+    insta::assert_snapshot!(refused(&run(vec![0.5; n], Some(vec![20.0; n]))), @"test.csv: the current is constant: it stays within 0.000000 A around 0.5000 A, so nothing shows how the pressure follows it; a sweep is wanted");
+    insta::assert_snapshot!(refused(&run(vec![0.5; n], None)), @r#"test.csv: no `pressure_bar` to work with; a foreign channel comes in by `--map pressure_bar="CHANNEL [unit]"`"#);
+    insta::assert_snapshot!(refused(&run((0..n).map(|k| k as f64 * 0.005).collect(), Some(vec![20.0; n]))), @"test.csv: the pressure is constant: it stays within 0.0000 bar (noise 0.0000 bar) while the current moves; is the sensor alive, and is it this valve's?");
+    insta::assert_snapshot!(refused(&run(vec![0.1, 0.2], Some(vec![1.0, 2.0]))), @"test.csv: 2 samples with current and pressure; at least 50 are needed");
     let order = Options { order: Some(40), ..Options::default() };
     let error = identify(&run(vec![0.5; n], None), &order).unwrap_err();
     insta::assert_snapshot!(error.to_string(), @"--order: 40 is not allowed; 1 to 9 are");

@@ -4,7 +4,7 @@ use super::fit::{Fit, Problem};
 use super::outcome::Parameter;
 use super::survey::Survey;
 use super::{HysteresisChoice, Options};
-use crate::recording::Recording;
+use crate::course::Course;
 use crate::valve::Valve;
 
 /// A valve's current lies below this; more is a duty or a percentage [A].
@@ -13,8 +13,8 @@ const LARGEST_CURRENT_A: f64 = 5.0;
 const MIN_REVERSALS: usize = 2;
 
 /// What was found and handled.
-pub(super) fn notes(recording: &Recording, survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
-    let mut out = recording.notes.clone();
+pub(super) fn notes(course: &Course, survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
+    let mut out = course.notes.clone();
     let share = 100.0 * survey.steady as f64 / survey.samples.max(1) as f64;
     out.push(format!("{} of {} samples ({share:.0} %) are steady enough to lie on a static curve", survey.steady, survey.samples));
     if survey.outliers > 0 {
@@ -45,15 +45,15 @@ pub(super) fn notes(recording: &Recording, survey: &Survey, fit: &Fit, valve: &V
             wide_a * slope
         ));
     }
-    if recording.runs.len() > 1 {
-        out.push(format!("{} runs, each simulated from its own start", recording.runs.len()));
+    if course.runs.len() > 1 {
+        out.push(format!("{} runs, each simulated from its own start", course.runs.len()));
     }
     out
 }
 
 /// How a long recording was fitted.
-pub(super) fn windows_note(recording: &Recording, problem: &Problem<'_>) -> String {
-    let samples: usize = recording.runs.iter().map(crate::recording::Run::len).sum();
+pub(super) fn windows_note(course: &Course, problem: &Problem<'_>) -> String {
+    let samples = course.samples();
     format!(
         "of {samples} samples, {} in {} windows were fitted that together show every current, direction and rate; the RMSE is that of all samples",
         problem.len(),

@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use super::segment::Segment;
-use crate::recording::{Recording, Run};
+use crate::course::{Course, Run};
 
 /// Recordings up to this many samples are fitted whole.
 pub(super) const WHOLE: usize = 60_000;
@@ -24,14 +24,13 @@ const RUN_UP: usize = 3_000;
 const PIECE: usize = 100_000;
 
 /// The segments to fit, and whether they are the whole recording.
-pub(super) fn segments(recording: &Recording) -> (Vec<Segment>, bool) {
-    let samples: usize = recording.runs.iter().map(Run::len).sum();
-    if samples <= WHOLE {
-        return (recording.runs.iter().filter_map(|r| Segment::from_run(r, 0..r.len())).filter(|s| s.len() >= 5).collect(), true);
+pub(super) fn segments(course: &Course) -> (Vec<Segment>, bool) {
+    if course.samples() <= WHOLE {
+        return (course.runs.iter().filter_map(|r| Segment::from_run(r, 0..r.len())).filter(|s| s.len() >= 5).collect(), true);
     }
-    let (low, high) = range(recording);
+    let (low, high) = course.current_range_a();
     let mut windows: Vec<(usize, Range<usize>)> = Vec::new();
-    for (k, run) in recording.runs.iter().enumerate() {
+    for (k, run) in course.runs.iter().enumerate() {
         let mut from = 0;
         while from < run.len() {
             let to = (from + WINDOW).min(run.len());
@@ -41,7 +40,7 @@ pub(super) fn segments(recording: &Recording) -> (Vec<Segment>, bool) {
             from = to;
         }
     }
-    let shown: Vec<[u32; BINS * KINDS]> = windows.iter().map(|(k, w)| shown(&recording.runs[*k], w, low, high)).collect();
+    let shown: Vec<[u32; BINS * KINDS]> = windows.iter().map(|(k, w)| shown(&course.runs[*k], w, low, high)).collect();
     let mut count = [0.0f64; BINS * KINDS];
     let mut taken: Vec<usize> = Vec::new();
     while taken.len() < WINDOWS.min(windows.len()) {
@@ -57,22 +56,15 @@ pub(super) fn segments(recording: &Recording) -> (Vec<Segment>, bool) {
         taken.push(best);
     }
     taken.sort_unstable();
-    let chosen = taken.iter().filter_map(|n| Segment::from_run(&recording.runs[windows[*n].0], windows[*n].1.clone()));
+    let chosen = taken.iter().filter_map(|n| Segment::from_run(&course.runs[windows[*n].0], windows[*n].1.clone()));
     (chosen.filter(|s| s.len() >= 5).collect(), false)
-}
-
-/// Range of the recorded currents [A].
-pub(super) fn range(recording: &Recording) -> (f64, f64) {
-    let all = recording.runs.iter().flat_map(|r| r.current_a.iter().copied()).filter(|i| i.is_finite());
-    all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), i| (low.min(i), high.max(i)))
 }
 
 /// How many samples of each kind of movement in each bin of the current a window holds.
 fn shown(run: &Run, window: &Range<usize>, low: f64, high: f64) -> [u32; BINS * KINDS] {
     let mut out = [0; BINS * KINDS];
-    let Some(pressure) = run.pressure_bar.as_ref() else { return out };
     let span = (high - low).max(f64::MIN_POSITIVE);
-    let moves = run.current_a[window.clone()].windows(2).zip(&pressure[window.start + 1..window.end]);
+    let moves = run.current_a[window.clone()].windows(2).zip(&run.pressure_bar[window.start + 1..window.end]);
     for (pair, pressure_bar) in moves {
         let now = pair[1];
         let change = (now - pair[0]) / span;
@@ -87,8 +79,8 @@ fn shown(run: &Run, window: &Range<usize>, low: f64, high: f64) -> [u32; BINS * 
 }
 
 /// Calls `with` for pieces of all runs: the piece with its run-up, and the number of samples that belong to the run-up.
-pub(super) fn pieces(recording: &Recording, mut with: impl FnMut(&Segment, usize)) {
-    for run in &recording.runs {
+pub(super) fn pieces(course: &Course, mut with: impl FnMut(&Segment, usize)) {
+    for run in &course.runs {
         let mut from = 0;
         while from < run.len() {
             let to = (from + PIECE).min(run.len());
@@ -106,39 +98,30 @@ pub(super) fn pieces(recording: &Recording, mut with: impl FnMut(&Segment, usize
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::course::Preparation;
+    use crate::recording::{self, Recording};
+
+    fn course(current_a: Vec<f64>) -> Course {
+        let time_s = (0..current_a.len()).map(|k| k as f64 * 0.01).collect();
+        let run = recording::Run { time_s, pressure_bar: Some(current_a.clone()), current_a, ..recording::Run::default() };
+        Course::take(Recording { runs: vec![run], ..Recording::default() }, &Preparation::default()).unwrap()
+    }
 
     #[test]
     fn the_only_window_that_moves_is_taken_first_and_a_short_recording_is_taken_whole() {
-        let n = 200_000;
         let current: Vec<f64> =
-            (0..n).map(|k| if (100_000..102_000).contains(&k) { 0.3 + 0.2 * (k as f64 * 0.01).sin() } else { 0.3 }).collect();
-        let run = Run {
-            time_s: (0..n).map(|k| k as f64 * 0.01).collect(),
-            pressure_bar: Some(current.clone()),
-            current_a: current,
-            ..Run::default()
-        };
-        let mut recording = Recording { runs: vec![run], ..Recording::default() };
-        let (chosen, whole) = segments(&recording);
+            (0..200_000).map(|k| if (100_000..102_000).contains(&k) { 0.3 + 0.2 * (k as f64 * 0.01).sin() } else { 0.3 }).collect();
+        let (chosen, whole) = segments(&course(current.clone()));
         assert!(!whole && chosen.len() == WINDOWS);
         assert!(chosen.iter().any(|s| s.time_s[0] <= 1000.0 && s.time_s[s.len() - 1] >= 1000.0));
-        recording.runs[0].time_s.truncate(1000);
-        recording.runs[0].current_a.truncate(1000);
-        recording.runs[0].pressure_bar.as_mut().unwrap().truncate(1000);
-        assert!(segments(&recording).1);
+        assert!(segments(&course(current[..1000].to_vec())).1);
     }
 
     #[test]
     fn pieces_cover_every_sample_once() {
         let n = 250_001;
-        let run = Run {
-            time_s: (0..n).map(|k| k as f64 * 0.01).collect(),
-            current_a: vec![0.5; n],
-            pressure_bar: Some(vec![1.0; n]),
-            ..Run::default()
-        };
         let mut seen = 0;
-        pieces(&Recording { runs: vec![run], ..Recording::default() }, |s, skip| seen += s.len() - skip);
+        pieces(&course(vec![0.5; n]), |s, skip| seen += s.len() - skip);
         assert_eq!(seen, n);
     }
 }
