@@ -4,6 +4,7 @@
 mod batch;
 mod blind;
 mod challenge;
+mod course;
 mod diagnose;
 mod identify;
 mod outputs;
