@@ -1,41 +1,82 @@
-//! The static curve: force of a saturating solenoid against a spring, as pressure over current.
+//! The static curve: what the solenoid's force, the springs and the spool's faces make of the current, as pressure.
 //!
-//! The force of a proportional solenoid grows with the square of the current and bends over as the iron saturates;
-//! pressure on the spool's face balances it after the spring's preload. That is no cubic in the current.
+//! None of the forms is a cubic in the current. Each is drawn so that tank pressure reaches to about 0.2 A and 33 to
+//! 37 bar stand at 0.93 A, what valves of this size are built for.
 
 use rand_pcg::Pcg64;
 
+use super::formulation::{CURVES, Formulations};
 use super::specimen::uniform;
 
-/// `P(i) = soft(k i^2 / (1 + (|i|/i_s)^n)^(1/n) - p_0)`, floored at tank pressure with the soft knee of the notches.
+/// Form of the static curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CurveForm {
+    /// Force of a saturating solenoid: `i^2 / (1 + (i/i_s)^n)^(1/n)`.
+    Solenoid,
+    /// S-shaped: a logistic function, the iron saturates at both ends of the stroke.
+    Logistic,
+    /// A power of the current above the onset.
+    Power,
+    /// Two springs: the slope changes where the second one bears.
+    TwoSprings,
+    /// Bends over like an exponential.
+    Saturating,
+    /// Nearly straight, with a wave from the shape of the notches.
+    Notched,
+}
+
+/// `P(i) = soft(k (f(i) - f(low)))`, floored at tank pressure with the soft knee of the notches.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
-    gain_bar_a2: f64,
-    saturation_a: f64,
+    form: CurveForm,
+    gain_bar: f64,
+    /// Where it bends [A].
+    bend_a: f64,
+    /// How sharply.
     sharpness: f64,
+    onset_a: f64,
     preload_bar: f64,
     knee_bar: f64,
 }
 
 impl Curve {
-    pub(super) fn draw(rng: &mut Pcg64) -> Self {
-        let mut curve = Self {
-            gain_bar_a2: 1.0,
-            saturation_a: uniform(rng, 0.62, 0.78),
-            sharpness: uniform(rng, 1.7, 2.3),
-            preload_bar: 0.0,
-            knee_bar: uniform(rng, 0.08, 0.25),
+    pub(super) fn draw(rng: &mut Pcg64, formulations: Formulations) -> Self {
+        let form = formulations.choose(&CURVES, rng);
+        let (bend_a, sharpness) = match form {
+            CurveForm::Solenoid => (uniform(rng, 0.62, 0.78), uniform(rng, 1.7, 2.3)),
+            CurveForm::Logistic => (uniform(rng, 0.5, 0.62), uniform(rng, 0.12, 0.18)),
+            CurveForm::Power => (1.0, uniform(rng, 1.1, 1.6)),
+            CurveForm::TwoSprings => (uniform(rng, 0.45, 0.65), uniform(rng, 0.55, 0.75)),
+            CurveForm::Saturating => (uniform(rng, 0.6, 1.0), 1.0),
+            CurveForm::Notched => (uniform(rng, 0.3, 0.42), uniform(rng, 0.15, 0.3)),
         };
-        // tank pressure up to about 0.2 A, 34 to 37 bar at 0.93 A: what valves of this size are built for
+        let knee_bar = uniform(rng, 0.08, 0.25);
         let (low, high) = (uniform(rng, 0.2, 0.235), uniform(rng, 33.5, 36.5));
-        curve.gain_bar_a2 = high / (curve.force(0.93) - curve.force(low));
+        let mut curve = Self { form, gain_bar: 1.0, bend_a, sharpness, onset_a: low, preload_bar: 0.0, knee_bar };
+        curve.gain_bar = high / (curve.force(0.93) - curve.force(low));
         curve.preload_bar = curve.force(low);
         curve
     }
 
     fn force(&self, current_a: f64) -> f64 {
         let i = current_a.max(0.0);
-        self.gain_bar_a2 * i * i / (1.0 + (i / self.saturation_a).powf(self.sharpness)).powf(1.0 / self.sharpness)
+        let shape = match self.form {
+            CurveForm::Solenoid => i * i / (1.0 + (i / self.bend_a).powf(self.sharpness)).powf(1.0 / self.sharpness),
+            CurveForm::Logistic => 1.0 / (1.0 + (-(i - self.bend_a) / self.sharpness).exp()),
+            CurveForm::Power => {
+                let d = i - self.onset_a;
+                d.signum() * d.abs().powf(self.sharpness)
+            }
+            CurveForm::TwoSprings => {
+                let d = i - self.bend_a;
+                i - (1.0 - self.sharpness) * 0.5 * (d + (d * d + 0.0016).sqrt())
+            }
+            CurveForm::Saturating => 1.0 - (-i / self.bend_a).exp(),
+            CurveForm::Notched => {
+                i + self.sharpness * self.bend_a / std::f64::consts::TAU * (std::f64::consts::TAU * i / self.bend_a).sin()
+            }
+        };
+        self.gain_bar * shape
     }
 
     /// Pressure [bar] in equilibrium at a current [A], without friction.
@@ -68,7 +109,7 @@ mod tests {
     #[test]
     fn curves_rise_from_tank_to_about_35_bar_and_invert() {
         for seed in 0..50 {
-            let curve = Curve::draw(&mut stream(seed, 9));
+            let curve = Curve::draw(&mut stream(seed, 9), Formulations::All);
             assert!(curve.pressure(0.1) < 0.05);
             assert!((33.0..37.0).contains(&curve.pressure(0.93)), "{curve:?}");
             for k in 20..100 {

@@ -1,5 +1,13 @@
 //! In words: how the plant makes each effect. Two formulations of each, so that one formula cannot be learnt.
 
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+use super::curve::CurveForm;
+use super::excitation::Drive;
+use super::memory::LoopForm;
+use super::session::Controller;
+
 /// Ids of the effects that this plant can conceal, with the two ways in which it makes them.
 const FORMULATIONS: [(&str, [&str; 2]); 22] = [
     ("transport_delay", ["messages arrive later", "the pressure reaches the sensor later"]),
@@ -26,11 +34,19 @@ const FORMULATIONS: [(&str, [&str; 2]); 22] = [
     ("periodic_disturbance", ["a tone between 3 and 30 Hz", "pump ripple that grows with pressure, with harmonic and wandering speed"]),
 ];
 
-/// What stands for physics outside every library, in three kinds.
-const OUTSIDE: [&str; 3] = [
+/// What stands for physics outside every library, by its number.
+const OUTSIDE: [&str; 11] = [
     "a neighbour on the same block answers each shift with a pull of its own",
     "hills and valleys over pressure and the pressure of some seconds ago",
     "a sleeve that flips between two seats when it will",
+    "knocks from outside that ring out, at times of their own",
+    "a seat that changes sides at every second turn of the current",
+    "a mean that moves with how lively the command has been",
+    "a bypass that opens late above a pressure and closes late below another",
+    "an echo of the pressure from the end of a long line",
+    "a gain that wanders by chance within seconds",
+    "a squeal within one band of pressure only",
+    "a rebound after every quick fall",
 ];
 
 /// The effects that a diagnosis can name and this plant can conceal. The shape of the curve is no entry: every
@@ -55,6 +71,86 @@ pub fn formulation(id: &str, variant: u8) -> &'static str {
                 second
             }
         }
-        None => OUTSIDE[usize::from(variant.min(2))],
+        None => OUTSIDE[usize::from(variant) % OUTSIDE.len()],
+    }
+}
+
+/// Which formulations of valves, drives, controllers and unknown physics a series may draw.
+///
+/// Two thirds may be looked at while a diagnosis is worked on; one third is kept for the end. The marks in the lists
+/// below are fixed: moving one makes every figure of before and after incomparable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Formulations {
+    /// Those that may be looked at.
+    #[default]
+    Open,
+    /// Those kept for the end.
+    Kept,
+    /// Both.
+    All,
+}
+
+/// A formulation, and whether it is kept for the end.
+pub(super) type Marked<T> = (T, bool);
+
+/// Static hysteresis.
+pub(super) const LOOPS: [Marked<LoopForm>; 9] = [
+    (LoopForm::Reciprocal, false),
+    (LoopForm::Play, false),
+    (LoopForm::Dahl, false),
+    (LoopForm::Preisach, false),
+    (LoopForm::BoucWen, false),
+    (LoopForm::Tanh, false),
+    (LoopForm::Duhem, true),
+    (LoopForm::LuGre, true),
+    (LoopForm::JilesAtherton, true),
+];
+
+/// Static curves.
+pub(super) const CURVES: [Marked<CurveForm>; 6] = [
+    (CurveForm::Solenoid, false),
+    (CurveForm::Logistic, false),
+    (CurveForm::Power, false),
+    (CurveForm::TwoSprings, false),
+    (CurveForm::Saturating, true),
+    (CurveForm::Notched, true),
+];
+
+/// Drives.
+pub(super) const DRIVES: [Marked<Drive>; 9] = [
+    (Drive::Mixed, false),
+    (Drive::Shifts, false),
+    (Drive::Oscillations, false),
+    (Drive::Steps, false),
+    (Drive::Schedule, false),
+    (Drive::Poor, false),
+    (Drive::Walk, true),
+    (Drive::Multisine, true),
+    (Drive::Cycle, true),
+];
+
+/// Controllers of the drives in closed loop.
+pub(super) const CONTROLLERS: [Marked<Controller>; 3] =
+    [(Controller::FeedForwardPi, false), (Controller::Pi, false), (Controller::ThreeStep, true)];
+
+/// Physics outside every library, by its number.
+pub(super) const UNKNOWNS: [Marked<u8>; 11] =
+    [(0, false), (1, false), (2, false), (3, false), (4, false), (5, false), (6, false), (7, true), (8, true), (9, true), (10, true)];
+
+impl Formulations {
+    /// Those of a list that may be drawn.
+    pub(super) fn of<T: Copy>(self, list: &[Marked<T>]) -> Vec<T> {
+        let may = |kept: bool| match self {
+            Self::Open => !kept,
+            Self::Kept => kept,
+            Self::All => true,
+        };
+        list.iter().filter(|(_, kept)| may(*kept)).map(|(item, _)| *item).collect()
+    }
+
+    /// One of them.
+    pub(super) fn choose<T: Copy>(self, list: &[Marked<T>], rng: &mut Pcg64) -> T {
+        let may = self.of(list);
+        may[rng.random_range(0..may.len())]
     }
 }

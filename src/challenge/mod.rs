@@ -9,15 +9,21 @@
 //! The seed draws a specimen and what is wrong with it, the recordings are written, and the truth goes into a
 //! sealed file whose digest is known before anybody diagnoses anything. `docs/proof.md` explains it to a sceptic.
 
+mod broken;
 mod chamber;
 mod curve;
 mod draw;
 mod driver;
 mod excitation;
 mod files;
+mod fleet;
 mod formulation;
+mod hydraulics;
+mod lost;
 mod memory;
+mod plain;
 mod plant;
+mod reversals;
 mod score;
 mod seal;
 mod sensor;
@@ -29,11 +35,15 @@ mod table;
 mod trial;
 mod unknown;
 
-pub use draw::{Case, Concealed, UNKNOWN, draw_series, placed};
+pub use broken::{BROKEN, Broken, break_record};
+pub use draw::{Case, Concealed, Grade, Range, UNKNOWN, draw_healthy, draw_series, placed};
+pub use excitation::Drive;
 pub use files::{ChallengeError, write_run, write_text};
-pub use formulation::{EFFECTS, formulation};
-pub use score::{Answer, Misfit, Named, Score, Verdict, score};
+pub use fleet::{Fleet, FleetValve, draw_fleet, tells};
+pub use formulation::{EFFECTS, Formulations, formulation};
+pub use score::{Answer, Estimate, Misfit, Named, Outcome, Score, Verdict, score};
 pub use seal::{Seal, truth_of};
-pub use session::{Session, record_session};
-pub use table::{Share, Table, tabulate};
+pub use session::{Controller, Session, record_session};
+pub use specimen::Anatomy;
+pub use table::{Curve, Share, Table, tabulate};
 pub use trial::{Contestant, Trial, hold_trial};

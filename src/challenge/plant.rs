@@ -5,9 +5,10 @@ use rand_pcg::Pcg64;
 use super::chamber::Volume;
 use super::draw::Concealed;
 use super::driver::{Coil, DeadTime, Heating, Jitter};
+use super::hydraulics::Hydraulics;
 use super::memory::Memory;
 use super::sensor::{Sensor, SensorFault};
-use super::specimen::{PERIOD_S, STEP_S, Specimen, stream, uniform};
+use super::specimen::{Anatomy, STEP_S, Specimen, stream, uniform};
 use super::spool::Friction;
 use super::supply::{Ripple, Supply};
 use super::unknown::Unknown;
@@ -37,18 +38,23 @@ pub(super) struct Plant {
     changes: Vec<Change>,
     supply: Option<Supply>,
     volumes: Vec<Volume>,
+    hydraulics: Option<Hydraulics>,
     chamber_bar: f64,
+    settled_bar: f64,
     ripple: Option<Ripple>,
     unknown: Option<Unknown>,
     late: Option<(DeadTime, f64)>,
     sensor: Sensor,
     time_s: f64,
+    period_s: f64,
+    /// Parameters that mean the same in a library of effects: id, name, value.
+    planted: Vec<(&'static str, &'static str, f64)>,
 }
 
 impl Plant {
     /// At rest at `start_a`, reached from below. `run` tells the recordings of one valve apart: noise and chance
     /// differ, the valve does not.
-    pub(super) fn new(specimen: &Specimen, concealed: &[Concealed], seed: u64, run: u64, start_a: f64) -> Self {
+    pub(super) fn new(specimen: &Specimen, concealed: &[Concealed], seed: u64, run: u64, start_a: f64, period_s: f64) -> Self {
         let from = 0.1_f64.min(start_a);
         let chance = |purpose| stream(seed, 1000 * (run + 1) + purpose);
         let mut plant = Self {
@@ -62,16 +68,23 @@ impl Plant {
             changes: Vec::new(),
             supply: None,
             volumes: Vec::new(),
+            hydraulics: (specimen.anatomy == Anatomy::Equations).then(|| Hydraulics::draw(&mut stream(seed, 4))),
             chamber_bar: 0.0,
+            settled_bar: 0.0,
             ripple: None,
             unknown: None,
             late: None,
-            sensor: Sensor::new(specimen.noise_bar, specimen.coloured, chance(1), chance(2)),
+            sensor: Sensor::new(specimen, period_s, chance(1), chance(2)),
             time_s: 0.0,
+            period_s,
+            planted: Vec::new(),
         };
         // the same sizes in every recording of this valve
         for (k, what) in concealed.iter().enumerate() {
-            plant.conceal(what, &mut stream(seed, 100 + k as u64), &mut chance(3), from);
+            let rng = &mut stream(seed, 100 + k as u64);
+            if !plant.conceal_in_equations(what, rng) {
+                plant.conceal(what, rng, &mut chance(3), from);
+            }
         }
         plant.settle(from, start_a);
         plant
@@ -80,18 +93,57 @@ impl Plant {
     /// One second up to the start, half a second at rest; then slow states take the level for granted, clocks start.
     fn settle(&mut self, from: f64, start_a: f64) {
         let heating = self.coil.heating.take();
-        for k in 0..150 {
-            self.period(from + (start_a - from) * (f64::from(k) / 100.0).min(1.0));
+        for k in 0..3000 {
+            self.step(from + (start_a - from) * (f64::from(k) / 2000.0).min(1.0), k % 20 == 0);
         }
         self.coil.heating = heating;
         for volume in &mut self.volumes {
             if let Volume::Creep { parts } = volume {
                 for part in parts {
-                    part.2 = self.chamber_bar;
+                    part.2 = self.settled_bar;
                 }
             }
         }
         self.time_s = 0.0;
+    }
+
+    /// What the equations hold as a parameter of theirs; `false`: nothing, the block is to be put in.
+    fn conceal_in_equations(&mut self, what: &Concealed, rng: &mut Pcg64) -> bool {
+        let Some(valve) = &mut self.hydraulics else { return false };
+        let (s, first) = (what.severity, what.variant == 0);
+        let mut u = |low: f64, high: f64| uniform(rng, low, high);
+        match what.id {
+            "first_order_lag" if first => valve.resistance += s * u(80.0, 130.0),
+            "first_order_lag" => valve.turbulent += s * u(2e3, 4e3),
+            "second_order_resonance" => {
+                valve.inertia += s * u(1.2, 2.2);
+                valve.resistance *= 1.0 - 0.6 * s.min(1.0);
+                if !first {
+                    valve.turbulent += 600.0;
+                }
+            }
+            "flow_limit" => {
+                let left = 1.0 / (1.0 + s * u(5.0, 8.0));
+                (valve.feed, valve.drain) = (valve.feed * left, valve.drain * left * if first { 1.0 } else { 1.4 });
+            }
+            "stiction" => {
+                valve.resting_bar += s * u(0.5, 0.8);
+                if !first {
+                    valve.sliding_bar += s * u(0.1, 0.2);
+                }
+            }
+            "fill_phase" => valve.piston_volume += s * u(0.006, 0.012),
+            "leakage" if first => valve.leak_laminar += s * u(2e-3, 3e-3),
+            "leakage" => valve.leak_orifice += s * u(0.008, 0.014),
+            "rate_dependent_hysteresis" if first => valve.viscous_bar_s += s * u(0.03, 0.05),
+            "rate_dependent_hysteresis" => {
+                valve.eddy_share = (valve.eddy_share + 0.3).min(0.8);
+                valve.eddy_s += s * u(0.03, 0.05);
+            }
+            "air_entrainment" => valve.air += s * u(0.02, 0.04),
+            _ => return false,
+        }
+        true
     }
 
     fn conceal(&mut self, what: &Concealed, rng: &mut Pcg64, chance: &mut Pcg64, start_a: f64) {
@@ -101,25 +153,43 @@ impl Plant {
         let mut u = |low: f64, high: f64| uniform(rng, low, high);
         let p_bar = 0.0;
         match what.id {
-            "transport_delay" if first => self.extra_s = s * u(0.020, 0.030),
-            "transport_delay" => self.late = Some((DeadTime::new(0.0), s * u(0.020, 0.030))),
+            "transport_delay" => {
+                let extra_s = s * u(0.020, 0.030);
+                self.planted.push(("transport_delay", "extra", extra_s));
+                if first { self.extra_s = extra_s } else { self.late = Some((DeadTime::new(0.0), extra_s)) }
+            }
             "delay_jitter" if first => self.jitter = Some(Jitter::message(s * u(0.06, 0.09), chance.clone(), start_a)),
             "delay_jitter" => self.jitter = Some(Jitter::load(s * u(0.06, 0.09), chance.clone(), start_a)),
-            "first_order_lag" if first => self.volumes.push(Volume::Laminar { tau_s: s * u(0.035, 0.055), p_bar }),
+            "first_order_lag" if first => {
+                let tau_s = s * u(0.035, 0.055);
+                self.planted.push(("first_order_lag", "tau", tau_s));
+                self.volumes.push(Volume::Laminar { tau_s, p_bar });
+            }
             "first_order_lag" => self.volumes.push(Volume::Orifice { bar_s: u(22.0, 32.0) / s, small_bar: 0.03, p_bar }),
             "second_order_resonance" => {
                 let natural_rad_s = std::f64::consts::TAU * u(4.5, 7.0) / s.powf(0.7);
                 let (zeta, quadratic) = if first { (u(0.12, 0.3), 0.0) } else { (u(0.08, 0.15), u(0.25, 0.5)) };
+                if first {
+                    self.planted.push(("second_order_resonance", "frequency", natural_rad_s / std::f64::consts::TAU));
+                    self.planted.push(("second_order_resonance", "damping", zeta));
+                }
                 self.volumes.push(Volume::Swing { natural_rad_s, zeta, quadratic, p_bar, speed: 0.0 });
             }
             "flow_limit" if first => {
                 let up_bar_s = u(24.0, 36.0) / s;
-                self.volumes.push(Volume::FlowLimit { up_bar_s, down_bar_s: up_bar_s * u(1.2, 1.7), p_bar });
+                let down_bar_s = up_bar_s * u(1.2, 1.7);
+                self.planted.push(("flow_limit", "rise", up_bar_s));
+                self.planted.push(("flow_limit", "fall", down_bar_s));
+                self.volumes.push(Volume::FlowLimit { up_bar_s, down_bar_s, p_bar });
             }
             "flow_limit" => {
                 self.volumes.push(Volume::FlowOrifice { up: u(5.5, 8.0) / s, down: u(8.0, 11.5) / s, supply_bar: u(38.0, 45.0), p_bar })
             }
-            "reversal_dead_band" if first => self.frictions.push(Friction::clearance(s * u(0.009, 0.012), start_a)),
+            "reversal_dead_band" if first => {
+                let half_a = s * u(0.009, 0.012);
+                self.planted.push(("reversal_dead_band", "width", 2.0 * half_a));
+                self.frictions.push(Friction::clearance(half_a, start_a));
+            }
             "reversal_dead_band" => self.frictions.push(Friction::soft_clearance(s * u(0.009, 0.012), start_a)),
             "stiction" if first => {
                 let (static_a, sliding_a) = (s * u(0.013, 0.018), s * u(0.002, 0.006));
@@ -209,6 +279,9 @@ impl Plant {
             }
             "sensor_lag" => {
                 let tau_s = s * u(0.035, 0.055);
+                if first {
+                    self.planted.push(("sensor_lag", "tau", tau_s));
+                }
                 let fault = if first {
                     SensorFault::Lag { stages: vec![0.0], tau_s }
                 } else {
@@ -216,7 +289,11 @@ impl Plant {
                 };
                 self.sensor.faults.insert(0, fault);
             }
-            "sensor_quantization" if first => self.sensor.faults.push(SensorFault::Round { lsb_bar: s * u(0.45, 0.6) }),
+            "sensor_quantization" if first => {
+                let lsb_bar = s * u(0.45, 0.6);
+                self.planted.push(("sensor_quantization", "step", lsb_bar));
+                self.sensor.faults.push(SensorFault::Round { lsb_bar });
+            }
             "sensor_quantization" => self.sensor.faults.push(SensorFault::Truncate { lsb_bar: s * u(0.4, 0.55), uneven: 0.4 }),
             "sensor_drift" if first => self.sensor.faults.insert(0, SensorFault::Walk { bar_s: sign * s * u(0.9, 1.3) / 120.0 }),
             "sensor_drift" => self.sensor.faults.insert(0, SensorFault::WarmUp { bar: sign * s * u(0.9, 1.3), tau_s: u(25.0, 50.0) }),
@@ -226,6 +303,9 @@ impl Plant {
             "sensor_outliers" => self.sensor.faults.push(SensorFault::Bursts { chance: 0.003 * s, bar: 2.5, left: 0, offset_bar: 0.0 }),
             "periodic_disturbance" => {
                 let (hz, amplitude_bar) = (u(3.0, 30.0), s * u(0.22, 0.32));
+                if first {
+                    self.planted.push(("periodic_disturbance", "frequency", hz));
+                }
                 self.ripple = Some(Ripple {
                     hz,
                     amplitude_bar,
@@ -241,10 +321,16 @@ impl Plant {
         }
     }
 
+    /// What was planted with a parameter that means the same in a library of effects: id, name, value in the unit of
+    /// the name (s, Hz, bar, bar/s, A).
+    pub(super) fn planted(&self) -> &[(&'static str, &'static str, f64)] {
+        &self.planted
+    }
+
     /// Holds a command for one period and returns the sample at its end [bar].
     pub(super) fn period(&mut self, command_a: f64) -> f64 {
         let mut seen = 0.0;
-        for k in 0..(PERIOD_S / STEP_S).round() as usize {
+        for k in 0..(self.period_s / STEP_S).round() as usize {
             seen = self.step(command_a, k == 0);
         }
         self.sensor.sample(seen, self.time_s)
@@ -275,11 +361,19 @@ impl Plant {
                 Change::Preload { .. } => p,
             };
         }
-        if let Some(supply) = &mut self.supply {
-            p = supply.step(p);
+        if let Some(hydraulics) = &mut self.hydraulics {
+            if let Some(supply) = &mut self.supply {
+                hydraulics.supply_bar = supply.step(1e3);
+            }
+            p = hydraulics.step(p);
+        } else {
+            if let Some(supply) = &mut self.supply {
+                p = supply.step(p);
+            }
+            self.chamber_bar += (p - self.chamber_bar) * STEP_S / self.specimen.chamber_lag_s;
+            p = self.chamber_bar;
         }
-        self.chamber_bar += (p - self.chamber_bar) * STEP_S / self.specimen.chamber_lag_s;
-        p = self.chamber_bar;
+        self.settled_bar = p;
         for volume in &mut self.volumes {
             p = volume.step(p);
         }
@@ -311,12 +405,14 @@ fn lifted(p: f64, gain: f64, offset_bar: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::formulation::EFFECTS;
+    use super::super::formulation::{EFFECTS, Formulations};
     use super::*;
 
-    fn drive(seed: u64, concealed: &[Concealed]) -> Vec<f64> {
-        let specimen = Specimen::draw(seed);
-        let mut plant = Plant::new(&specimen, concealed, seed, 1, 0.3);
+    const PERIOD_S: f64 = 0.01;
+
+    fn drive(anatomy: Anatomy, seed: u64, concealed: &[Concealed]) -> Vec<f64> {
+        let specimen = Specimen::draw(seed, anatomy, Formulations::Open);
+        let mut plant = Plant::new(&specimen, concealed, seed, 1, 0.3, PERIOD_S);
         // dips below the fill, shifts, holds and a small oscillation
         (0..3000)
             .map(|k| {
@@ -335,13 +431,15 @@ mod tests {
 
     #[test]
     fn every_effect_changes_what_is_measured_and_nothing_ever_runs_away() {
-        let healthy = drive(11, &[]);
-        for id in EFFECTS {
-            for variant in 0..2 {
-                let faulty = drive(11, &[Concealed { id, variant, severity: 1.0 }]);
-                assert!(faulty.iter().all(|p| p.is_finite() && (-10.0..60.0).contains(p)), "{id} {variant}");
-                let rms = (faulty.iter().zip(&healthy).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 3000.0).sqrt();
-                assert!(rms > 0.1, "{id} variant {variant} shows only {rms:.3} bar");
+        for anatomy in [Anatomy::Blocks, Anatomy::Equations] {
+            let healthy = drive(anatomy, 11, &[]);
+            for id in EFFECTS {
+                for variant in 0..2 {
+                    let faulty = drive(anatomy, 11, &[Concealed { id, variant, severity: 1.0 }]);
+                    assert!(faulty.iter().all(|p| p.is_finite() && (-10.0..60.0).contains(p)), "{anatomy:?} {id} {variant}");
+                    let rms = (faulty.iter().zip(&healthy).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 3000.0).sqrt();
+                    assert!(rms > 0.1, "{anatomy:?} {id} variant {variant} shows only {rms:.3} bar");
+                }
             }
         }
     }
@@ -349,6 +447,6 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_samples() {
         let what = [Concealed { id: "stiction", variant: 1, severity: 1.0 }];
-        assert_eq!(drive(4, &what), drive(4, &what));
+        assert_eq!(drive(Anatomy::Equations, 4, &what), drive(Anatomy::Equations, 4, &what));
     }
 }

@@ -3,6 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use super::draw::Case;
+use super::session::Controller;
 
 /// The truth of a series as text, and its SHA-256.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,25 +38,34 @@ pub fn truth_of(case: &Case) -> serde_json::Value {
         "effects": case.ids(),
         "variants": case.effects.iter().map(|e| e.variant).collect::<Vec<_>>(),
         "severities": case.effects.iter().map(|e| e.severity).collect::<Vec<_>>(),
-        "closed": case.closed,
+        "grade": case.grade().name(),
+        "visible": case.visible,
+        "closed": case.closed(),
+        "controller": case.controller.map(Controller::name),
         "absorbed": case.absorbed,
+        "plant": case.anatomy.name(),
         "family": case.family(),
+        "form": case.form(),
+        "drive": case.drive.name(),
+        "rate_hz": case.rate_hz,
+        "length_s": case.length_s,
         "delay_s": case.delay_s(),
         "noise_bar": case.noise_bar(),
+        "coloured": case.coloured(),
     })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::draw::draw_series;
+    use super::super::draw::{Range, draw_series};
     use super::*;
 
     #[test]
     fn another_truth_breaks_the_seal() {
-        let seal = Seal::new(&draw_series(1, 3));
+        let seal = Seal::new(&draw_series(1, 3, Range::default()));
         assert_eq!(seal.sha256.len(), 64);
         assert!(seal.holds(&seal.text));
         assert!(!seal.holds(&seal.text.replacen("false", "true", 1)));
-        assert_eq!(seal, Seal::new(&draw_series(1, 3)));
+        assert_eq!(seal, Seal::new(&draw_series(1, 3, Range::default())));
     }
 }

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::specimen::{PERIOD_S, STEP_S, normal};
+use super::specimen::{STEP_S, Specimen, normal};
 
 /// One fault of the sensor.
 #[derive(Debug, Clone)]
@@ -30,14 +30,17 @@ pub(super) struct Sensor {
     pub(super) faults: Vec<SensorFault>,
     noise_bar: f64,
     coloured: f64,
+    /// What of the coloured part is left after a sampling period.
+    keep: f64,
     slow: f64,
     rng: Pcg64,
     fault_rng: Pcg64,
 }
 
 impl Sensor {
-    pub(super) fn new(noise_bar: f64, coloured: f64, rng: Pcg64, fault_rng: Pcg64) -> Self {
-        Self { faults: Vec::new(), noise_bar, coloured, slow: 0.0, rng, fault_rng }
+    pub(super) fn new(valve: &Specimen, period_s: f64, rng: Pcg64, fault_rng: Pcg64) -> Self {
+        let keep = (-period_s / valve.colour_s).exp();
+        Self { faults: Vec::new(), noise_bar: valve.noise_bar, coloured: valve.coloured, keep, slow: 0.0, rng, fault_rng }
     }
 
     /// What happens between samples.
@@ -56,8 +59,7 @@ impl Sensor {
 
     /// One sample at `time_s`, with 10 mbar resolution.
     pub(super) fn sample(&mut self, tracked_bar: f64, time_s: f64) -> f64 {
-        // coloured part: 0.15 s correlation
-        let keep = (-PERIOD_S / 0.15_f64).exp();
+        let keep = self.keep;
         self.slow = keep * self.slow + (1.0 - keep * keep).sqrt() * normal(&mut self.rng);
         let noise = self.noise_bar * ((1.0 - self.coloured).sqrt() * normal(&mut self.rng) + self.coloured.sqrt() * self.slow);
         let mut y = tracked_bar + noise;
@@ -96,12 +98,14 @@ impl Sensor {
 
 #[cfg(test)]
 mod tests {
-    use super::super::specimen::stream;
+    use super::super::formulation::Formulations;
+    use super::super::specimen::{Anatomy, stream};
     use super::*;
 
     #[test]
     fn noise_has_the_standard_deviation_that_was_drawn() {
-        let mut sensor = Sensor::new(0.04, 0.1, stream(1, 1), stream(1, 2));
+        let valve = Specimen { noise_bar: 0.04, coloured: 0.1, ..Specimen::draw(1, Anatomy::Blocks, Formulations::All) };
+        let mut sensor = Sensor::new(&valve, 0.01, stream(1, 1), stream(1, 2));
         let y: Vec<f64> = (0..20_000).map(|k| sensor.sample(10.0, f64::from(k) * 0.01) - 10.0).collect();
         let sd = (y.iter().map(|v| v * v).sum::<f64>() / 20_000.0).sqrt();
         assert!((sd - 0.04).abs() < 0.004, "{sd}");
@@ -109,7 +113,8 @@ mod tests {
 
     #[test]
     fn few_bits_leave_few_values() {
-        let mut sensor = Sensor::new(0.04, 0.1, stream(1, 1), stream(1, 2));
+        let valve = Specimen { noise_bar: 0.04, coloured: 0.1, ..Specimen::draw(1, Anatomy::Blocks, Formulations::All) };
+        let mut sensor = Sensor::new(&valve, 0.01, stream(1, 1), stream(1, 2));
         sensor.faults.push(SensorFault::Round { lsb_bar: 0.5 });
         for k in 0..1000 {
             let y = sensor.sample(f64::from(k) * 0.01, 0.0) / 0.5;

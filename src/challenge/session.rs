@@ -1,54 +1,113 @@
-//! One valve on the bench: a sweep and two drives, and the same of its healthy twin.
+//! One valve on the bench: a sweep, a commissioning drive and two drives, and the same of its healthy twin.
 
 use rayon::prelude::*;
 
 use super::draw::{Case, Concealed};
-use super::excitation;
+use super::excitation::{self, Drive};
 use super::plant::Plant;
-use super::specimen::{PERIOD_S, Specimen, stream, uniform};
+use super::specimen::{Specimen, stream, uniform};
 use crate::recording::Run;
+
+/// Who closes the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Controller {
+    /// Feed-forward by a calibration that is a little off, and PI above 6 bar against the target of a delay ago.
+    FeedForwardPi,
+    /// PI alone, from the mean slope of the curve.
+    Pi,
+    /// Feed-forward without hysteresis, and an output that moves by fixed steps while the error is beyond a band.
+    ThreeStep,
+}
+
+impl Controller {
+    /// The word of the truth file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FeedForwardPi => "feed_forward_pi",
+            Self::Pi => "pi",
+            Self::ThreeStep => "three_step",
+        }
+    }
+}
 
 /// The recordings of one valve.
 #[derive(Debug, Clone)]
 pub struct Session {
     /// Slow sweep in open loop, to identify the valve from.
     pub sweep: Run,
-    /// The drive to diagnose, 120 s.
+    /// A lively drive of the healthy valve, 120 s; none where the effects were there when the valve was calibrated.
+    pub commission: Option<Run>,
+    /// The drive to diagnose.
     pub record: Run,
-    /// A second drive of the same valve, 100 s, to score on.
+    /// A second drive of the same valve, 100 s of everything, to score on.
     pub holdout: Run,
 }
 
 /// A session of the valve of a case, and of the healthy twin: same valve, same drives, same noise, nothing concealed.
 pub fn record_session(case: &Case) -> (Session, Session) {
-    let specimen = Specimen::draw(case.seed);
+    let specimen = case.specimen();
     let while_calibrated: &[Concealed] = if case.absorbed { &case.effects } else { &[] };
-    let jobs: [(&[Concealed], u64); 6] = [(while_calibrated, 0), (&case.effects, 1), (&case.effects, 2), (&[], 0), (&[], 1), (&[], 2)];
-    let mut runs: Vec<Run> = jobs.into_par_iter().map(|(effects, run)| one_run(case, &specimen, effects, run)).collect();
-    let twin = runs.split_off(3);
-    let session = |runs: Vec<Run>| {
-        let mut runs = runs.into_iter();
-        let mut next = || runs.next().unwrap_or_default();
-        Session { sweep: next(), record: next(), holdout: next() }
-    };
-    (session(runs), session(twin))
+    let none: &[Concealed] = &[];
+    let jobs = [(while_calibrated, 0), (none, 3), (&case.effects, 1), (&case.effects, 2), (none, 0), (none, 1), (none, 2)];
+    let runs: Vec<Run> = jobs.into_par_iter().map(|(effects, run)| one_run(case, &specimen, effects, run)).collect();
+    let mut runs = runs.into_iter();
+    let mut next = || runs.next().unwrap_or_default();
+    let (sweep, commission, record, holdout) = (next(), next(), next(), next());
+    let twin = Session { sweep: next(), commission: Some(commission.clone()), record: next(), holdout: next() };
+    (Session { sweep, commission: (!case.absorbed).then_some(commission), record, holdout }, twin)
+}
+
+/// Number of the run that is diagnosed.
+const RECORD: u64 = 1;
+
+/// What is commanded in a run of the case, before any controller: 0 the sweep, 1 the record, 2 the second drive, 3 the
+/// commissioning drive.
+fn wanted(case: &Case, run: u64) -> Vec<f64> {
+    let (period_s, rng) = (1.0 / case.rate_hz, &mut stream(case.seed, 10 + run));
+    match run {
+        0 => excitation::sweep(period_s),
+        RECORD => excitation::drive(case.drive, rng, case.length_s, period_s),
+        2 => excitation::drive(Drive::Mixed, rng, 100.0, period_s),
+        _ => excitation::drive(Drive::Mixed, rng, 120.0, period_s),
+    }
 }
 
 fn one_run(case: &Case, specimen: &Specimen, effects: &[Concealed], run: u64) -> Run {
-    let wanted = match run {
-        0 => excitation::sweep(),
-        _ => excitation::drive(&mut stream(case.seed, 10 + run), if run == 1 { 120.0 } else { 100.0 }),
+    let (wanted, period_s) = (wanted(case, run), 1.0 / case.rate_hz);
+    let mut plant = Plant::new(specimen, effects, case.seed, run, wanted[0], period_s);
+    let Some(controller) = case.controller.filter(|_| run != 0) else {
+        return open_loop(&wanted, &mut plant, case.rate_hz);
     };
-    let mut plant = Plant::new(specimen, effects, case.seed, run, wanted[0]);
-    let time_s = (0..wanted.len()).map(|k| k as f64 / 100.0).collect();
-    if run == 0 || !case.closed {
-        let current_a: Vec<f64> = wanted.iter().map(|i| digits(*i, 5)).collect();
-        let pressure = sampled(&current_a, &mut plant);
-        return Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
-    }
+    let time_s = (0..wanted.len()).map(|k| digits(k as f64 / case.rate_hz, 4)).collect();
     let target: Vec<f64> = wanted.iter().map(|i| digits(specimen.curve.pressure(*i), 3)).collect();
-    let (current_a, pressure) = closed_loop(case, specimen, &target, &mut plant, wanted[0]);
+    let (current_a, pressure) = closed_loop(case, controller, &target, &mut plant, wanted[0]);
     Run { time_s, current_a, pressure_bar: Some(pressure), target_bar: Some(target), ..Run::default() }
+}
+
+/// The pressure [bar] of the record of a case with given effects under the currents of the open loop, with those
+/// currents; the noise is that of the case whatever is concealed.
+pub(super) fn in_open_loop(case: &Case, effects: &[Concealed]) -> (Vec<f64>, Vec<f64>) {
+    let currents = wanted(case, RECORD);
+    let pressure = sampled(&currents, &mut Plant::new(&case.specimen(), effects, case.seed, RECORD, currents[0], 1.0 / case.rate_hz));
+    (currents, pressure)
+}
+
+/// What was planted in a case with a parameter that means the same in a library of effects: id, name, value.
+pub(super) fn planted(case: &Case) -> Vec<(&'static str, &'static str, f64)> {
+    Plant::new(&case.specimen(), &case.effects, case.seed, RECORD, 0.3, 1.0 / case.rate_hz).planted().to_vec()
+}
+
+/// The sweep of the healthy valve.
+pub(super) fn healthy_sweep(case: &Case) -> Run {
+    one_run(case, &case.specimen(), &[], 0)
+}
+
+/// A plant along currents in open loop, as a recording.
+pub(super) fn open_loop(currents: &[f64], plant: &mut Plant, rate_hz: f64) -> Run {
+    let time_s = (0..currents.len()).map(|k| digits(k as f64 / rate_hz, 4)).collect();
+    let current_a: Vec<f64> = currents.iter().map(|i| digits(*i, 5)).collect();
+    let pressure = sampled(&current_a, plant);
+    Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() }
 }
 
 /// The sample of a row is taken when its command is sent, so before the command can act.
@@ -64,12 +123,14 @@ fn sampled(current_a: &[f64], plant: &mut Plant) -> Vec<f64> {
         .collect()
 }
 
-/// Feed-forward by a calibration that is a little off, and PI above 6 bar against the target of a delay ago.
-fn closed_loop(case: &Case, specimen: &Specimen, target: &[f64], plant: &mut Plant, start_a: f64) -> (Vec<f64>, Vec<f64>) {
-    let rng = &mut stream(case.seed, 20);
-    let (kp, ki) = (uniform(rng, 0.001, 0.003), uniform(rng, 0.008, 0.025));
+/// The currents that a controller sends along a target, and the samples that it sees.
+fn closed_loop(case: &Case, controller: Controller, target: &[f64], plant: &mut Plant, start_a: f64) -> (Vec<f64>, Vec<f64>) {
+    let (specimen, period_s, rng) = (case.specimen(), 1.0 / case.rate_hz, &mut stream(case.seed, 20));
+    // a slow loop cannot be as quick as one of 100 Hz
+    let slower = (0.03 / (0.02 + period_s)).min(1.0);
+    let (kp, ki) = (slower * uniform(rng, 0.001, 0.003), slower * uniform(rng, 0.008, 0.025));
     let (gain, offset) = (uniform(rng, 0.985, 1.015), uniform(rng, -0.006, 0.006));
-    let behind = ((specimen.delay_s / PERIOD_S).round() as usize) + 1;
+    let behind = ((specimen.delay_s / period_s).round() as usize) + 1;
     let (mut integral, mut rising) = (0.0_f64, true);
     let mut measured = plant.period(start_a);
     let (mut currents, mut pressures) = (Vec::with_capacity(target.len()), Vec::with_capacity(target.len()));
@@ -78,16 +139,30 @@ fn closed_loop(case: &Case, specimen: &Specimen, target: &[f64], plant: &mut Pla
         if *goal != before {
             rising = *goal > before;
         }
-        let ahead = gain * Plant::feed_forward(specimen, *goal, rising) + offset;
         let error = target[k.saturating_sub(behind)] - measured;
-        let trim = if *goal > 6.0 {
-            integral = (integral + ki * error * PERIOD_S).clamp(-0.15, 0.15);
-            kp * error + integral
-        } else {
-            integral = 0.0;
-            0.0
+        let command = match controller {
+            Controller::FeedForwardPi => {
+                let ahead = gain * Plant::feed_forward(&specimen, *goal, rising) + offset;
+                if *goal > 6.0 {
+                    integral = (integral + ki * error * period_s).clamp(-0.15, 0.15);
+                    ahead + kp * error + integral
+                } else {
+                    integral = 0.0;
+                    ahead
+                }
+            }
+            Controller::Pi => {
+                integral = (integral + 6.0 * ki * error * period_s).clamp(-0.5, 0.5);
+                specimen.curve.current(12.0) + (goal - 12.0) / specimen.curve.steepest() + 1.5 * kp * error + integral
+            }
+            Controller::ThreeStep => {
+                if error.abs() > 0.4 {
+                    integral = (integral + (0.02 * slower * period_s).copysign(error)).clamp(-0.15, 0.15);
+                }
+                gain * specimen.curve.current(*goal) + offset + integral
+            }
         };
-        let current = digits((ahead + trim).clamp(0.05, 1.05), 5);
+        let current = digits(command.clamp(0.05, 1.05), 5);
         currents.push(current);
         pressures.push(measured);
         measured = plant.period(current);
@@ -108,7 +183,7 @@ mod tests {
 
     #[test]
     fn twin_and_valve_differ_only_by_what_is_concealed() {
-        let case = Case { closed: true, ..placed(8, Vec::new()) };
+        let case = Case { controller: Some(Controller::FeedForwardPi), ..placed(8, Vec::new()) };
         let (valve, twin) = record_session(&case);
         assert_eq!(valve.record, twin.record);
         assert_eq!(valve.holdout, twin.holdout);
@@ -117,10 +192,12 @@ mod tests {
 
     #[test]
     fn a_closed_loop_follows_its_target() {
-        let case = Case { closed: true, ..placed(21, Vec::new()) };
-        let (valve, _) = record_session(&case);
-        let (p, goal) = (valve.record.pressure_bar.unwrap_or_default(), valve.record.target_bar.unwrap_or_default());
-        let mean = p.iter().zip(&goal).map(|(a, b)| (a - b).abs()).sum::<f64>() / p.len() as f64;
-        assert!(mean < 0.8, "{mean}");
+        for controller in [Controller::FeedForwardPi, Controller::Pi, Controller::ThreeStep] {
+            let case = Case { controller: Some(controller), ..placed(21, Vec::new()) };
+            let (valve, _) = record_session(&case);
+            let (p, goal) = (valve.record.pressure_bar.unwrap_or_default(), valve.record.target_bar.unwrap_or_default());
+            let mean = p.iter().zip(&goal).map(|(a, b)| (a - b).abs()).sum::<f64>() / p.len() as f64;
+            assert!(mean < 1.2, "{controller:?} {mean}");
+        }
     }
 }

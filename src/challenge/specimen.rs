@@ -4,30 +4,26 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::curve::Curve;
+use super::formulation::{Formulations, LOOPS};
+use super::memory::LoopForm;
 
 /// Fine time step of the plant [s]: an order of magnitude below the fastest lag that it holds.
 pub(super) const STEP_S: f64 = 0.0005;
-/// Period of commands and samples [s].
-pub(super) const PERIOD_S: f64 = 0.01;
-
-/// Form of the static hysteresis.
+/// Which plant a valve is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Family {
-    /// The gap to the branch decays with its reciprocal: looks like a hyperbola.
-    Reciprocal,
-    /// A sum of play operators (Prandtl-Ishlinskii): remembers every reversal.
-    Play,
-    /// Dahl friction between coil force and spool.
-    Dahl,
+pub enum Anatomy {
+    /// A static curve with hysteresis, then blocks one behind the other.
+    Blocks,
+    /// Differential equations: coil with eddy currents, magnet, spool with friction, chamber, line, piston.
+    Equations,
 }
 
-impl Family {
-    /// The number that stands in the truth file.
-    pub(super) fn number(self) -> u8 {
+impl Anatomy {
+    /// The word of the truth file.
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Reciprocal => 0,
-            Self::Play => 1,
-            Self::Dahl => 2,
+            Self::Blocks => "blocks",
+            Self::Equations => "equations",
         }
     }
 }
@@ -35,7 +31,9 @@ impl Family {
 /// The healthy properties of one valve and of its sensor.
 #[derive(Debug, Clone)]
 pub(super) struct Specimen {
-    pub(super) family: Family,
+    pub(super) anatomy: Anatomy,
+    /// Form of the static hysteresis; of the equations, of the magnet's part in it.
+    pub(super) hysteresis: LoopForm,
     pub(super) curve: Curve,
     /// Half the width of the major loop, as current [A].
     pub(super) half_width_a: f64,
@@ -51,6 +49,8 @@ pub(super) struct Specimen {
     pub(super) noise_bar: f64,
     /// Share of the noise variance that is coloured.
     pub(super) coloured: f64,
+    /// Correlation time of that share [s].
+    pub(super) colour_s: f64,
 }
 
 /// A stream of random numbers of its own for each purpose, so that a healthy twin meets the same drive and noise.
@@ -70,19 +70,24 @@ pub(super) fn normal(rng: &mut Pcg64) -> f64 {
 }
 
 impl Specimen {
-    pub(super) fn draw(seed: u64) -> Self {
+    pub(super) fn draw(seed: u64, anatomy: Anatomy, formulations: Formulations) -> Self {
         let rng = &mut stream(seed, 1);
-        let family = [Family::Reciprocal, Family::Play, Family::Dahl][rng.random_range(0..3)];
+        let hysteresis = match anatomy {
+            Anatomy::Blocks => formulations.choose(&LOOPS, rng),
+            Anatomy::Equations => LoopForm::Play,
+        };
         Self {
-            family,
-            curve: Curve::draw(rng),
+            anatomy,
+            hysteresis,
+            curve: Curve::draw(rng, formulations),
             half_width_a: uniform(rng, 0.009, 0.013),
             reach: uniform(rng, 0.7, 1.4),
             delay_s: uniform(rng, 0.015, 0.028),
             coil_lag_s: uniform(rng, 0.002, 0.004),
             chamber_lag_s: uniform(rng, 0.002, 0.005),
             noise_bar: uniform(rng, 0.025, 0.05),
-            coloured: uniform(rng, 0.03, 0.15),
+            coloured: if rng.random::<bool>() { uniform(rng, 0.0, 0.1) } else { uniform(rng, 0.1, 0.5) },
+            colour_s: uniform(rng, 0.03, 0.4),
         }
     }
 }
@@ -93,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_seed_always_draws_the_same_valve_and_another_seed_another() {
-        let text = |seed| format!("{:?}", Specimen::draw(seed));
+        let text = |seed| format!("{:?}", Specimen::draw(seed, Anatomy::Blocks, Formulations::All));
         assert_eq!(text(5), text(5));
         assert_ne!(text(5), text(6));
     }

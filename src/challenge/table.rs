@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::draw::UNKNOWN;
+use super::draw::{Grade, UNKNOWN};
+use super::score::{Outcome, Verdict};
 use super::trial::Trial;
 
 /// So many of so many.
@@ -35,25 +36,64 @@ impl Share {
     }
 }
 
+/// What became of the single effects of one grade.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Curve {
+    /// Named first.
+    pub named: Share,
+    /// Somewhere in the answer.
+    pub class: Share,
+    /// No name, admitted that something is missing.
+    pub admitted: Share,
+    /// Nothing said.
+    pub silent: Share,
+    /// Another was named.
+    pub wrong: Share,
+}
+
+impl Curve {
+    fn add(&mut self, outcome: Outcome) {
+        self.named.add(outcome == Outcome::Named);
+        self.class.add(outcome == Outcome::Class);
+        self.admitted.add(outcome == Outcome::Admitted);
+        self.silent.add(outcome == Outcome::Silent);
+        self.wrong.add(outcome == Outcome::Wrong);
+    }
+}
+
 /// The table of a series.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
-    /// Single effects named first.
-    pub named_first: Share,
-    /// The clear ones among them.
-    pub named_clear: Share,
-    /// The faint ones among them.
-    pub named_faint: Share,
-    /// Single effects named, or in a named one's class of at most three.
-    pub in_class: Share,
+    /// Single effects, by grade.
+    pub detection: BTreeMap<Grade, Curve>,
+    /// Single effects of all grades but the hidden one.
+    pub single: Curve,
     /// Pairs of which both are named.
     pub pairs: Share,
-    /// Healthy valves left alone.
-    pub healthy_left_alone: Share,
-    /// Effects outside the library that were admitted as unexplained.
+    /// Wrong names on valves that hide one or two effects of the library.
+    pub wrong_name: Share,
+    /// Valves that hide something of the library, not too small to see: some cause is named.
+    pub cause_named: Share,
+    /// Healthy valves accused.
+    pub false_alarm: Share,
+    /// Healthy valves with the verdict `match`.
+    pub healthy_match: Share,
+    /// Effects outside the library: admitted, and no cause named.
     pub unknown_admitted: Share,
-    /// False names on valves that hide one or two effects of the library.
+    /// Where a cause is named: the truth is in the credible set.
+    pub set_holds_truth: Share,
+    /// Size of the credible sets: median and ninth decile.
+    pub set_size: Option<(f64, f64)>,
+    /// 95 % intervals that hold what was planted.
+    pub intervals: Share,
+    /// Verdict `explained` with more than one and a half of the floor left on the second drive.
+    pub explained_too_early: Share,
+    /// Augmented models worse on the second drive by more than 2 %.
+    pub worse: Share,
+    /// Names beside the concealed ones.
     pub spurious: usize,
+    /// Real over claimed gain: lowest decile, median, ninth decile.
+    pub real_over_claimed: Option<(f64, f64, f64)>,
     /// Median of the misfit recovered on the second drive.
     pub recovered_median: Option<f64>,
     /// Worst tenth of it.
@@ -62,36 +102,50 @@ pub struct Table {
     pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
 }
 
+/// A claim below this [bar] is nothing to divide by.
+const LEAST_CLAIM_BAR: f64 = 0.01;
+
 /// Puts trials into a table.
 pub fn tabulate<'a>(trials: impl IntoIterator<Item = &'a Trial>) -> Table {
     let mut table = Table::default();
-    let mut recovered = Vec::new();
-    for Trial { case, score, .. } in trials {
+    let (mut recovered, mut sizes, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
+    for Trial { case, score, answer, .. } in trials {
         let truth = case.ids();
         if truth.is_empty() {
-            table.healthy_left_alone.add(score.right);
+            table.false_alarm.add(score.outcome == Outcome::FalseAlarm);
+            table.healthy_match.add(answer.verdict == Verdict::Match);
         } else if truth == [UNKNOWN] {
-            table.unknown_admitted.add(score.right);
+            table.unknown_admitted.add(score.outcome == Outcome::Admitted);
         } else {
             if truth.len() == 1 {
-                table.named_first.add(score.right);
-                if case.effects[0].severity > 0.9 {
-                    table.named_clear.add(score.right)
-                } else {
-                    table.named_faint.add(score.right)
+                table.detection.entry(case.grade()).or_default().add(score.outcome);
+                if case.grade() != Grade::Hidden {
+                    table.single.add(score.outcome);
                 }
-                table.in_class.add(score.in_class);
             } else {
-                table.pairs.add(score.right);
+                table.pairs.add(score.outcome == Outcome::Named);
             }
+            if case.grade() != Grade::Hidden {
+                table.cause_named.add(score.first.is_some());
+            }
+            table.wrong_name.add(score.outcome == Outcome::Wrong);
             table.spurious += score.spurious;
             recovered.extend(score.recovered);
+            sizes.extend(score.set_sizes.iter().map(|n| *n as f64));
         }
+        score.set_holds_truth.into_iter().for_each(|holds| table.set_holds_truth.add(holds));
+        score.intervals.iter().for_each(|holds| table.intervals.add(*holds));
+        score.explained_too_early.into_iter().for_each(|early| table.explained_too_early.add(early));
+        table.worse.add(score.worse);
+        ratios.extend(score.gain_bar.filter(|g| g.0 > LEAST_CLAIM_BAR).map(|(claimed, real)| real / claimed));
         let first = score.first.clone().unwrap_or_else(|| "-".to_owned());
         *table.confusion.entry(case.name()).or_default().entry(first).or_insert(0) += 1;
     }
     table.recovered_median = quantile(&mut recovered, 0.5);
     table.recovered_worst_tenth = quantile(&mut recovered, 0.1);
+    table.set_size = quantile(&mut sizes, 0.5).zip(quantile(&mut sizes, 0.9));
+    let at = |share| quantile(&mut ratios.clone(), share);
+    table.real_over_claimed = at(0.1).zip(at(0.5)).zip(at(0.9)).map(|((low, middle), high)| (low, middle, high));
     table
 }
 
@@ -106,8 +160,8 @@ fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::draw::{Concealed, placed};
-    use super::super::score::{Answer, Misfit, Named, Verdict, score};
+    use super::super::draw::{Case, Concealed, placed};
+    use super::super::score::{Answer, Misfit, Named};
     use super::*;
 
     #[test]
@@ -129,28 +183,29 @@ mod tests {
 
     #[test]
     fn a_table_counts_each_kind_of_case_apart() {
-        let trial = |effects: Vec<Concealed>, verdict, named: &[&str]| {
-            let case = placed(4, effects);
-            let effects = named.iter().map(|id| Named { id: (*id).into(), indistinguishable: Vec::new() }).collect();
-            let answer = Answer { verdict, effects };
-            let misfit = Misfit { base_bar: 0.5, augmented_bar: 0.1, floor_bar: 0.1 };
-            let score = score(&case, &answer, Some(misfit));
-            Trial { case, answer, misfit, score }
+        let trial = |effects: Vec<Concealed>, visible: f64, verdict, named: &[&str]| {
+            let case = Case { visible, ..placed(4, effects) };
+            let effects = named.iter().map(|id| Named { id: (*id).into(), ..Named::default() }).collect();
+            let answer = Answer { verdict, effects, form: Vec::new(), claimed_gain_bar: 0.4, with_commission: false };
+            Trial::new(&case, answer, Misfit { base_bar: 0.5, augmented_bar: 0.1, floor_bar: 0.1 })
         };
-        let one = |id, severity| vec![Concealed { id, variant: 0, severity }];
+        let one = |id| vec![Concealed { id, variant: 0, severity: 1.0 }];
         let trials = [
-            trial(one("creep", 1.0), Verdict::Explained, &["creep"]),
-            trial(one("creep", 0.4), Verdict::Explained, &["leakage"]),
-            trial(Vec::new(), Verdict::Match, &[]),
-            trial(one(UNKNOWN, 1.0), Verdict::Explained, &["creep"]),
+            trial(one("creep"), 3.0, Verdict::Explained, &["creep"]),
+            trial(one("creep"), 0.6, Verdict::Explained, &["leakage"]),
+            trial(one("creep"), 0.1, Verdict::Match, &[]),
+            trial(Vec::new(), 0.0, Verdict::Match, &[]),
+            trial(Vec::new(), 0.0, Verdict::Explained, &["stiction"]),
+            trial(one(UNKNOWN), 2.0, Verdict::Explained, &["creep"]),
         ];
         let table = tabulate(&trials);
-        assert_eq!(
-            (table.named_first, table.named_clear, table.named_faint),
-            (Share { hits: 1, of: 2 }, Share { hits: 1, of: 1 }, Share { hits: 0, of: 1 })
-        );
-        assert_eq!((table.healthy_left_alone, table.unknown_admitted), (Share { hits: 1, of: 1 }, Share { hits: 0, of: 1 }));
-        assert_eq!(table.confusion["creep"], BTreeMap::from([("creep".to_owned(), 1), ("leakage".to_owned(), 1)]));
-        assert_eq!((table.spurious, table.recovered_median), (1, Some(1.0)));
+        let share = |hits, of| Share { hits, of };
+        assert_eq!((table.detection[&Grade::Clear].named, table.detection[&Grade::Faint].wrong), (share(1, 1), share(1, 1)));
+        assert_eq!((table.single.named, table.detection[&Grade::Hidden].silent), (share(1, 2), share(1, 1)));
+        assert_eq!((table.false_alarm, table.healthy_match, table.unknown_admitted), (share(1, 2), share(1, 2), share(0, 1)));
+        assert_eq!((table.wrong_name, table.set_holds_truth), (share(1, 3), share(1, 2)));
+        assert_eq!(table.confusion["creep"], BTreeMap::from([("creep".into(), 1), ("leakage".into(), 1), ("-".into(), 1)]));
+        assert_eq!((table.spurious, table.recovered_median, table.set_size), (1, Some(1.0), Some((1.0, 1.0))));
+        assert_eq!(table.real_over_claimed, Some((1.0, 1.0, 1.0)));
     }
 }

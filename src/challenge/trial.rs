@@ -10,11 +10,11 @@ pub trait Contestant {
     /// A model of a valve, as it hands it over.
     type Model;
 
-    /// A model from a slow sweep.
+    /// A model from a slow sweep and, where there is one and the contestant wants it, a commissioning drive.
     ///
     /// # Errors
     /// Its own words.
-    fn identify(&mut self, sweep: &Run) -> Result<Self::Model, String>;
+    fn identify(&mut self, sweep: &Run, commission: Option<&Run>) -> Result<Self::Model, String>;
 
     /// A diagnosis of a drive, and the model that came of it.
     ///
@@ -49,10 +49,12 @@ pub struct Trial {
 pub fn hold_trial<C: Contestant>(case: &Case, contestant: &mut C) -> Result<Trial, String> {
     let (valve, twin) = record_session(case);
     let step = |what: &'static str| move |words: String| format!("{what}: {words}");
-    let base = contestant.identify(&valve.sweep).map_err(step("identify"))?;
+    let base = contestant.identify(&valve.sweep, valve.commission.as_ref()).map_err(step("identify"))?;
     let (answer, augmented) = contestant.diagnose(&valve.record, &base).map_err(step("diagnose"))?;
     // from here on it is only scored
-    let reference = contestant.identify(&twin.sweep).map_err(step("identify, healthy twin"))?;
+    let reference = contestant
+        .identify(&twin.sweep, valve.commission.as_ref().and(twin.commission.as_ref()))
+        .map_err(step("identify, healthy twin"))?;
     let mut rmse = |model: &C::Model, run: &Run| -> Result<f64, String> {
         let simulated = contestant.simulate(model, run).map_err(step("simulate"))?;
         misfit_bar(&simulated, run.pressure_bar.as_deref().unwrap_or_default())
@@ -63,8 +65,15 @@ pub fn hold_trial<C: Contestant>(case: &Case, contestant: &mut C) -> Result<Tria
         augmented_bar: rmse(&augmented, &valve.holdout)?,
         floor_bar: rmse(&reference, &twin.holdout)?,
     };
-    let score = score(case, &answer, Some(misfit));
-    Ok(Trial { case: case.clone(), answer, misfit, score })
+    Ok(Trial::new(case, answer, misfit))
+}
+
+impl Trial {
+    /// A case with what was answered, scored.
+    pub fn new(case: &Case, answer: Answer, misfit: Misfit) -> Self {
+        let score = score(case, &answer, Some(misfit));
+        Self { case: case.clone(), answer, misfit, score }
+    }
 }
 
 fn misfit_bar(simulated: &[f64], measured: &[f64]) -> Option<f64> {
@@ -77,7 +86,7 @@ fn misfit_bar(simulated: &[f64], measured: &[f64]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::super::draw::{Concealed, placed};
-    use super::super::score::Verdict;
+    use super::super::score::{Outcome, Verdict};
     use super::*;
 
     /// Knows nothing: a straight line over the current, and no complaint ever.
@@ -85,7 +94,7 @@ mod tests {
 
     impl Contestant for Line {
         type Model = (f64, f64);
-        fn identify(&mut self, sweep: &Run) -> Result<(f64, f64), String> {
+        fn identify(&mut self, sweep: &Run, _: Option<&Run>) -> Result<(f64, f64), String> {
             let p = sweep.pressure_bar.as_deref().ok_or("no pressure")?;
             let n = p.len() as f64;
             let (mi, mp) = (sweep.current_a.iter().sum::<f64>() / n, p.iter().sum::<f64>() / n);
@@ -97,7 +106,10 @@ mod tests {
             Ok((top / bottom, mp - top / bottom * mi))
         }
         fn diagnose(&mut self, _: &Run, model: &(f64, f64)) -> Result<(Answer, (f64, f64)), String> {
-            Ok((Answer { verdict: Verdict::Match, effects: Vec::new() }, *model))
+            Ok((
+                Answer { verdict: Verdict::Match, effects: Vec::new(), form: Vec::new(), claimed_gain_bar: 0.0, with_commission: false },
+                *model,
+            ))
         }
         fn simulate(&mut self, model: &(f64, f64), run: &Run) -> Result<Vec<f64>, String> {
             Ok(run.current_a.iter().map(|i| model.0 * i + model.1).collect())
@@ -107,8 +119,11 @@ mod tests {
     #[test]
     fn who_never_complains_is_right_about_healthy_valves_only() {
         let healthy = hold_trial(&placed(3, Vec::new()), &mut Line);
-        assert!(healthy.as_ref().is_ok_and(|t| t.score.right && t.misfit.base_bar == t.misfit.floor_bar), "{healthy:?}");
+        assert!(
+            healthy.as_ref().is_ok_and(|t| t.score.outcome == Outcome::LeftAlone && t.misfit.base_bar == t.misfit.floor_bar),
+            "{healthy:?}"
+        );
         let faulty = hold_trial(&placed(3, vec![Concealed { id: "leakage", variant: 0, severity: 1.0 }]), &mut Line);
-        assert!(faulty.as_ref().is_ok_and(|t| !t.score.right && !t.score.in_class && t.score.recovered == Some(0.0)), "{faulty:?}");
+        assert!(faulty.as_ref().is_ok_and(|t| t.score.outcome == Outcome::Silent && t.score.recovered == Some(0.0)), "{faulty:?}");
     }
 }

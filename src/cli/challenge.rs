@@ -4,16 +4,19 @@
 //! drive and nothing else. The truth and the second drive lie elsewhere.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use clap::{Args, ValueEnum};
-use serde_json::Value;
+use serde_json::json;
 
+use super::challenge_contestant::{Processes, read_answer};
 use super::outputs::Force;
+use super::shard::Shard;
 use super::{CliError, CliResult, exit};
-use crate::challenge::{Answer, ChallengeError, Contestant, Named, Seal, Verdict, draw_series, hold_trial, write_run, write_text};
+use crate::challenge::{
+    Anatomy, BROKEN, Broken, Case, Contestant, Formulations, Misfit, Range, Seal, Trial, break_record, draw_healthy, draw_series,
+    hold_trial, write_text,
+};
 use crate::output::{Mark, Outputs};
-use crate::recording::{Recording, Run};
 use crate::report::challenge as report;
 
 /// What to conceal, and how often.
@@ -25,9 +28,35 @@ pub struct ChallengeArgs {
     /// How many valves
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     count: u32,
-    /// Keep the recordings, models, diagnoses and the opened truth in this folder
+    /// Keep the recordings, models, diagnoses and the opened truth in this folder; called again with the same series, it
+    /// goes on with what is there
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Ask part I of N only, such as 2/4; the last call, without it, on the same --out puts all parts into one table
+    #[arg(long, value_name = "I/N", requires = "out")]
+    shard: Option<Shard>,
+    /// Give the identification a drive of the good valve beside its sweep
+    #[arg(long)]
+    commission: bool,
+    /// One plant only; without it, two of three valves are blocks, one is differential equations
+    #[arg(long, value_enum)]
+    plant: Option<PlantArg>,
+    /// Which formulations of valves, drives, controllers and unknown physics are drawn: those that may be looked at while
+    /// working, or those kept for the end
+    #[arg(long, value_enum, default_value = "open")]
+    formulations: FormulationsArg,
+    /// Recordings of healthy valves that are damaged, or belong to another model: no cause may be named
+    #[arg(long)]
+    broken: bool,
+    /// Only record into --out: a folder of recordings for each valve and truth.json beside them; nothing is asked
+    #[arg(long, requires = "out")]
+    record: bool,
+    /// Write a fleet of N valves into --out: lots with a concealed story, and jobs.csv for `hil diagnose --jobs`
+    #[arg(long, value_name = "N", requires = "out", value_parser = clap::value_parser!(u32).range(30..=1_000_000))]
+    fleet: Option<u32>,
+    /// Hold what `hil collect --format json` printed of the fleet of this --seed against its story
+    #[arg(long, value_name = "COLLECTED.json", requires = "fleet", requires = "seed")]
+    collected: Option<PathBuf>,
     /// Existing files.
     #[command(flatten)]
     force: Force,
@@ -37,7 +66,10 @@ pub struct ChallengeArgs {
 }
 
 /// What a kept challenge begins with; a folder that has it holds another one.
-const KEPT: [(&str, Mark); 2] = [("sealed", Mark::None), ("case-01", Mark::None)];
+const KEPT: [(&str, Mark); 3] = [("sealed", Mark::None), ("case-01", Mark::None), ("truth.json", Mark::None)];
+
+/// What a fleet's folder begins with.
+const FLEET: [(&str, Mark); 3] = [("jobs.csv", Mark::None), ("recordings", Mark::None), ("sealed", Mark::None)];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ChallengeFormat {
@@ -46,12 +78,58 @@ enum ChallengeFormat {
     Markdown,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum PlantArg {
+    Blocks,
+    Equations,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FormulationsArg {
+    Open,
+    Kept,
+    All,
+}
+
+impl ChallengeArgs {
+    fn range(&self) -> Range {
+        let anatomy = self.plant.map(|p| match p {
+            PlantArg::Blocks => Anatomy::Blocks,
+            PlantArg::Equations => Anatomy::Equations,
+        });
+        let formulations = match self.formulations {
+            FormulationsArg::Open => Formulations::Open,
+            FormulationsArg::Kept => Formulations::Kept,
+            FormulationsArg::All => Formulations::All,
+        };
+        Range { anatomy, formulations }
+    }
+}
+
 /// Draws, seals, asks, opens, scores. Exit code 1 where an answer could not be had.
 pub fn run(args: &ChallengeArgs) -> CliResult {
     let seed = args.seed.unwrap_or_else(fresh_seed);
+    let (count, range) = (args.count as usize, args.range());
+    let guard = || Outputs::new(args.force.force).folder(args.out.as_ref(), &KEPT).claim();
+    if let (Some(valves), Some(out)) = (args.fleet, &args.out) {
+        if let Some(collected) = &args.collected {
+            return super::challenge_fleet::score(collected, seed, valves as usize);
+        }
+        let _claim = Outputs::new(args.force.force).folder(Some(out), &FLEET).claim()?;
+        return super::challenge_fleet::write(out, seed, valves as usize);
+    }
+    if let (true, Some(out)) = (args.record, &args.out) {
+        let _claim = guard()?;
+        return super::challenge_set::write(out, seed, count, range, args.broken);
+    }
     let folder = args.out.clone().unwrap_or_else(|| std::env::temp_dir().join(format!("hil-challenge-{}", std::process::id())));
-    let _claim = Outputs::new(args.force.force).folder(args.out.as_ref(), &KEPT).claim()?;
-    let outcome = hold(args, seed, &folder);
+    let cases = if args.broken { draw_healthy(seed, count, range) } else { draw_series(seed, count, range) };
+    let seal = Seal::new(&cases);
+    let sealed = folder.join("sealed").join("truth.json");
+    // the same series goes on with what is there; another one needs another folder
+    let goes_on = std::fs::read_to_string(&sealed).is_ok_and(|text| seal.holds(&text));
+    let _claim = if goes_on { None } else { Some(guard()?) };
+    let outcome = hold(args, seed, &cases, &seal, &folder);
     if args.out.is_none() {
         // scratch; what could not be removed harms nobody
         let _ = std::fs::remove_dir_all(&folder);
@@ -59,9 +137,7 @@ pub fn run(args: &ChallengeArgs) -> CliResult {
     outcome
 }
 
-fn hold(args: &ChallengeArgs, seed: u64, folder: &Path) -> CliResult {
-    let cases = draw_series(seed, args.count as usize);
-    let seal = Seal::new(&cases);
+fn hold(args: &ChallengeArgs, seed: u64, cases: &[Case], seal: &Seal, folder: &Path) -> CliResult {
     let sealed = folder.join("sealed");
     std::fs::create_dir_all(&sealed).map_err(|e| CliError::not_stored(format!("{}: {e}", sealed.display())))?;
     write_text(&sealed.join("truth.json"), &seal.text).map_err(CliError::not_stored)?;
@@ -73,13 +149,20 @@ fn hold(args: &ChallengeArgs, seed: u64, folder: &Path) -> CliResult {
     }
 
     let program = std::env::current_exe().map_err(|e| CliError { code: exit::INTERNAL, message: format!("own program: {e}") })?;
-    let mut results = Vec::new();
-    for (k, case) in cases.iter().enumerate() {
+    let mut asked = Vec::new();
+    let (mut results, mut broken) = (Vec::new(), Vec::new());
+    for (k, case) in cases.iter().enumerate().filter(|(k, _)| args.shard.is_none_or(|s| s.holds(*k))) {
         anstream::eprintln!("case {} of {} ..", k + 1, cases.len());
-        let mut contestant = Processes::new(&program, folder, k + 1).map_err(CliError::not_stored)?;
-        results.push(hold_trial(case, &mut contestant));
-        if args.format == ChallengeFormat::Text {
-            super::print(&report::line(k + 1, case, &results[k]))?;
+        let mut contestant = Processes::new(&program, folder, k + 1, args.commission).map_err(CliError::not_stored)?;
+        if args.broken {
+            let how = BROKEN[k % BROKEN.len()];
+            broken.push((how.name(), ask_broken(case, how, &mut contestant)));
+            continue;
+        }
+        results.push(held(case, &mut contestant, &sealed.join(format!("case-{:02}", k + 1)).join("misfit.json")));
+        asked.push(case.clone());
+        if let (ChallengeFormat::Text, Some(result)) = (args.format, results.last()) {
+            super::print(&report::line(k + 1, case, result))?;
         }
     }
     let opened =
@@ -87,114 +170,50 @@ fn hold(args: &ChallengeArgs, seed: u64, folder: &Path) -> CliResult {
     if !seal.holds(&opened) {
         return Err(CliError { code: exit::INTERNAL, message: format!("{}: the seal is broken, so nothing is scored", sealed.display()) });
     }
+    if args.broken {
+        super::print(&match args.format {
+            ChallengeFormat::Json => report::broken_json(seed, &seal.sha256, &broken),
+            ChallengeFormat::Text | ChallengeFormat::Markdown => report::broken_text(&broken, args.format == ChallengeFormat::Markdown),
+        })?;
+        return Ok(exit::DONE);
+    }
     super::print(&match args.format {
         ChallengeFormat::Text => report::text(&results),
         ChallengeFormat::Markdown => report::markdown(seed, &seal.sha256, &results),
-        ChallengeFormat::Json => report::json(seed, &seal.sha256, &cases, &results),
+        ChallengeFormat::Json => report::json(seed, &seal.sha256, &asked, &results),
     })?;
     Ok(if results.iter().any(Result::is_err) { exit::NEGATIVE } else { exit::DONE })
+}
+
+/// Holds a trial, or takes one that was held before from its files: the answer, and the misfit beside it.
+fn held(case: &Case, contestant: &mut Processes, misfit: &Path) -> report::Outcome {
+    let before = || {
+        let kept: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(misfit).ok()?).ok()?;
+        let bar = |key: &str| kept[key].as_f64();
+        let text = std::fs::read_to_string(contestant.blind.join("diagnosis.json")).ok()?;
+        let answer = read_answer(&text, contestant.blind.join("commission.csv").exists()).ok()?;
+        let misfit = Misfit { base_bar: bar("base")?, augmented_bar: bar("augmented")?, floor_bar: bar("floor")? };
+        (kept["version"] == env!("CARGO_PKG_VERSION")).then(|| Trial::new(case, answer, misfit))
+    };
+    if let Some(trial) = before() {
+        return Ok(trial);
+    }
+    let trial = hold_trial(case, contestant)?;
+    let m = trial.misfit;
+    let kept = json!({ "version": env!("CARGO_PKG_VERSION"), "base": m.base_bar, "augmented": m.augmented_bar, "floor": m.floor_bar });
+    write_text(misfit, &format!("{kept:#}\n")).map_err(|e| e.to_string())?;
+    Ok(trial)
+}
+
+/// What is said of a recording that does not belong to the model; the words of the refusal where it is refused.
+fn ask_broken(case: &Case, how: Broken, contestant: &mut Processes) -> Result<crate::challenge::Answer, String> {
+    let session = break_record(case, how);
+    let model = contestant.identify(&session.sweep, session.commission.as_ref())?;
+    contestant.diagnose(&session.record, &model).map(|(answer, _)| answer)
 }
 
 /// A seed that nobody chose: the digits of the clock.
 fn fresh_seed() -> u64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     now.map_or(1, |d| u64::from(d.subsec_nanos()) / 100)
-}
-
-/// This program, called as a user calls it.
-struct Processes<'a> {
-    program: &'a Path,
-    /// Holds the sweep and the drive of the case, and what is made of them.
-    blind: PathBuf,
-    /// Holds the second drive.
-    scoring: PathBuf,
-    /// Holds the healthy twin.
-    twin: PathBuf,
-    asked: usize,
-}
-
-impl<'a> Processes<'a> {
-    fn new(program: &'a Path, folder: &Path, number: usize) -> Result<Self, ChallengeError> {
-        let (blind, scoring) = (folder.join(format!("case-{number:02}")), folder.join("sealed").join(format!("case-{number:02}")));
-        let twin = scoring.join("twin");
-        for path in [&blind, &twin] {
-            std::fs::create_dir_all(path).map_err(|source| ChallengeError::Write { path: path.clone(), source })?;
-        }
-        Ok(Self { program, blind, scoring, twin, asked: 0 })
-    }
-
-    fn call(&self, folder: &Path, args: &[&str]) -> Result<String, String> {
-        let done = Command::new(self.program).args(args).current_dir(folder).output().map_err(|e| e.to_string())?;
-        if done.status.success() {
-            return Ok(String::from_utf8_lossy(&done.stdout).into_owned());
-        }
-        let words = String::from_utf8_lossy(&done.stderr);
-        let last = words.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
-        Err(format!("hil {}: {} ({last})", args.join(" "), done.status))
-    }
-}
-
-impl Contestant for Processes<'_> {
-    type Model = PathBuf;
-
-    fn identify(&mut self, sweep: &Run) -> Result<PathBuf, String> {
-        // the first sweep is the case's own; a later one belongs to the twin and is none of the diagnosis's business
-        let folder = if self.asked == 0 { self.blind.clone() } else { self.twin.clone() };
-        self.asked += 1;
-        write_run(&folder.join("sweep.csv"), sweep).map_err(|e| e.to_string())?;
-        self.call(&folder, &["identify", "sweep.csv", "-o", "model.toml"])?;
-        absolute(&folder.join("model.toml"))
-    }
-
-    fn diagnose(&mut self, record: &Run, _: &PathBuf) -> Result<(Answer, PathBuf), String> {
-        write_run(&self.blind.join("record.csv"), record).map_err(|e| e.to_string())?;
-        let text =
-            self.call(&self.blind, &["diagnose", "record.csv", "--model", "model.toml", "-o", "augmented.toml", "--format", "json"])?;
-        write_text(&self.blind.join("diagnosis.json"), &text).map_err(|e| e.to_string())?;
-        let answer = read_answer(&text)?;
-        let augmented = self.blind.join("augmented.toml");
-        Ok((answer, absolute(&if augmented.exists() { augmented } else { self.blind.join("model.toml") })?))
-    }
-
-    fn simulate(&mut self, model: &PathBuf, run: &Run) -> Result<Vec<f64>, String> {
-        let folder = if model.starts_with(absolute(&self.twin)?) { &self.twin } else { &self.scoring };
-        write_run(&folder.join("drive.csv"), run).map_err(|e| e.to_string())?;
-        self.call(folder, &["simulate", "drive.csv", "--model", &model.to_string_lossy(), "--force", "-o", "simulated.csv"])?;
-        let simulated = Recording::read(&folder.join("simulated.csv"), &[]).map_err(|e| e.to_string())?;
-        simulated.runs.into_iter().next().and_then(|r| r.pressure_bar).ok_or_else(|| "no pressure_bar came back".to_owned())
-    }
-}
-
-fn absolute(path: &Path) -> Result<PathBuf, String> {
-    std::path::absolute(path).map_err(|e| format!("{}: {e}", path.display()))
-}
-
-/// Reads what is scored from a diagnosis document.
-fn read_answer(text: &str) -> Result<Answer, String> {
-    let document: Value = serde_json::from_str(text).map_err(|e| format!("diagnosis: {e}"))?;
-    let word = document["verdict"].as_str().unwrap_or_default();
-    let verdict = Verdict::parse(word).ok_or_else(|| format!("diagnosis: verdict `{word}` is none of the contract's"))?;
-    let words =
-        |value: &Value| -> Vec<String> { value.as_array().into_iter().flatten().filter_map(|v| v.as_str().map(str::to_owned)).collect() };
-    let effects = document["effects"].as_array().ok_or("diagnosis: no list `effects`")?;
-    let named = |e: &Value| {
-        let id = e["id"].as_str().ok_or("diagnosis: an effect without `id`")?.to_owned();
-        Ok(Named { id, indistinguishable: words(&e["indistinguishable"]) })
-    };
-    Ok(Answer { verdict, effects: effects.iter().map(named).collect::<Result<_, String>>()? })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_answer_is_read_from_the_keys_of_the_contract() {
-        let text =
-            r#"{"schema":"hil.diagnosis/1","verdict":"explained","effects":[{"id":"first_order_lag","indistinguishable":["sensor_lag"]}]}"#;
-        let effects = vec![Named { id: "first_order_lag".into(), indistinguishable: vec!["sensor_lag".into()] }];
-        assert_eq!(read_answer(text), Ok(Answer { verdict: Verdict::Explained, effects }));
-        assert!(read_answer(r#"{"verdict":"perhaps","effects":[]}"#).is_err_and(|e| e.contains("perhaps")));
-        assert!(read_answer(r#"{"verdict":"match"}"#).is_err_and(|e| e.contains("effects")));
-    }
 }

@@ -10,6 +10,9 @@ mod batch_diff;
 mod batch_folder;
 mod batch_prompt;
 mod challenge;
+mod challenge_contestant;
+mod challenge_fleet;
+mod challenge_set;
 mod check;
 mod completions;
 mod diagnose;
@@ -29,6 +32,7 @@ mod progress;
 mod run;
 mod run_folder;
 mod schema;
+mod shard;
 mod simulate;
 mod tune;
 

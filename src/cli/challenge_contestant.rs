@@ -1,0 +1,138 @@
+//! This program, put to the test as a user calls it: as processes, in a folder that holds the recordings and nothing
+//! else.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::challenge::{Answer, ChallengeError, Contestant, Estimate, Named, Verdict, write_run, write_text};
+use crate::recording::{Recording, Run};
+
+/// The folders of one case.
+pub(super) struct Processes<'a> {
+    program: &'a Path,
+    /// Holds the recordings of the case that may be seen, and what is made of them.
+    pub(super) blind: PathBuf,
+    /// Holds the second drive.
+    scoring: PathBuf,
+    /// Holds the healthy twin.
+    twin: PathBuf,
+    commission: bool,
+    asked: usize,
+}
+
+impl<'a> Processes<'a> {
+    pub(super) fn new(program: &'a Path, folder: &Path, number: usize, commission: bool) -> Result<Self, ChallengeError> {
+        let (blind, scoring) = (folder.join(format!("case-{number:02}")), folder.join("sealed").join(format!("case-{number:02}")));
+        let twin = scoring.join("twin");
+        for folder in [&blind, &twin] {
+            std::fs::create_dir_all(folder).map_err(|source| ChallengeError::Write { path: folder.clone(), source })?;
+        }
+        Ok(Self { program, blind, scoring, twin, commission, asked: 0 })
+    }
+
+    fn call(&self, folder: &Path, args: &[&str]) -> Result<String, String> {
+        let done = Command::new(self.program).args(args).current_dir(folder).output().map_err(|e| e.to_string())?;
+        if done.status.success() {
+            return Ok(String::from_utf8_lossy(&done.stdout).into_owned());
+        }
+        let words = String::from_utf8_lossy(&done.stderr);
+        let last = words.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
+        Err(format!("hil {}: {} ({last})", args.join(" "), done.status))
+    }
+}
+
+impl Contestant for Processes<'_> {
+    type Model = PathBuf;
+
+    fn identify(&mut self, sweep: &Run, commission: Option<&Run>) -> Result<PathBuf, String> {
+        // the first sweep is the case's own; a later one belongs to the twin and is none of the diagnosis's business
+        let folder = if self.asked == 0 { self.blind.clone() } else { self.twin.clone() };
+        self.asked += 1;
+        write_run(&folder.join("sweep.csv"), sweep).map_err(|e| e.to_string())?;
+        let mut args = vec!["identify", "sweep.csv"];
+        if let Some(drive) = commission.filter(|_| self.commission) {
+            write_run(&folder.join("commission.csv"), drive).map_err(|e| e.to_string())?;
+            args.push("commission.csv");
+        }
+        args.extend(["-o", "model.toml"]);
+        self.call(&folder, &args)?;
+        absolute(&folder.join("model.toml"))
+    }
+
+    fn diagnose(&mut self, record: &Run, _: &PathBuf) -> Result<(Answer, PathBuf), String> {
+        write_run(&self.blind.join("record.csv"), record).map_err(|e| e.to_string())?;
+        let text =
+            self.call(&self.blind, &["diagnose", "record.csv", "--model", "model.toml", "-o", "augmented.toml", "--format", "json"])?;
+        write_text(&self.blind.join("diagnosis.json"), &text).map_err(|e| e.to_string())?;
+        let answer = read_answer(&text, self.blind.join("commission.csv").exists())?;
+        let augmented = self.blind.join("augmented.toml");
+        Ok((answer, absolute(&if augmented.exists() { augmented } else { self.blind.join("model.toml") })?))
+    }
+
+    fn simulate(&mut self, model: &PathBuf, run: &Run) -> Result<Vec<f64>, String> {
+        let folder = if model.starts_with(absolute(&self.twin)?) { &self.twin } else { &self.scoring };
+        write_run(&folder.join("drive.csv"), run).map_err(|e| e.to_string())?;
+        self.call(folder, &["simulate", "drive.csv", "--model", &model.to_string_lossy(), "-o", "simulated.csv", "--force"])?;
+        let simulated = Recording::read(&folder.join("simulated.csv"), &[]).map_err(|e| e.to_string())?;
+        simulated.runs.into_iter().next().and_then(|r| r.pressure_bar).ok_or_else(|| "no pressure_bar came back".to_owned())
+    }
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, String> {
+    std::path::absolute(path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// Reads what is scored from a diagnosis document.
+pub(super) fn read_answer(text: &str, with_commission: bool) -> Result<Answer, String> {
+    let document: Value = serde_json::from_str(text).map_err(|e| format!("diagnosis: {e}"))?;
+    let word = document["verdict"].as_str().unwrap_or_default();
+    let verdict = Verdict::parse(word).ok_or_else(|| format!("diagnosis: verdict `{word}` is none of the contract's"))?;
+    let words =
+        |value: &Value| -> Vec<String> { value.as_array().into_iter().flatten().filter_map(|v| v.as_str().map(str::to_owned)).collect() };
+    let effects = document["effects"].as_array().ok_or("diagnosis: no list `effects`")?;
+    let named = |e: &Value| {
+        let id = e["id"].as_str().ok_or("diagnosis: an effect without `id`")?.to_owned();
+        let parameters = e["parameters"].as_object().into_iter().flatten().filter_map(|(name, p)| estimate(name, p)).collect();
+        Ok(Named { id, indistinguishable: words(&e["indistinguishable"]), lacks: e["claim"] == "lacks", parameters })
+    };
+    let error = |key: &str| document["rmse_bar"][key].as_f64();
+    Ok(Answer {
+        verdict,
+        effects: effects.iter().map(named).collect::<Result<_, String>>()?,
+        form: document["form"].as_array().into_iter().flatten().filter_map(|e| e["id"].as_str().map(str::to_owned)).collect(),
+        claimed_gain_bar: error("base_heldout").zip(error("augmented_heldout")).map_or(0.0, |(base, augmented)| base - augmented),
+        with_commission,
+    })
+}
+
+/// A parameter with its 95 % interval: the one that is stated, or twice the standard error on either side.
+fn estimate(name: &str, parameter: &Value) -> Option<Estimate> {
+    let stated = parameter["ci"].as_array().and_then(|ci| Some((ci.first()?.as_f64()?, ci.get(1)?.as_f64()?)));
+    let of_error = || {
+        let (value, error) = (parameter["value"].as_f64()?, parameter["std_error"].as_f64()?);
+        Some((value - 1.959_964 * error, value + 1.959_964 * error))
+    };
+    stated.or_else(of_error).map(|(low, high)| Estimate { name: name.to_owned(), low, high })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_is_read_from_the_keys_of_the_contract() {
+        let text = r#"{"schema":"hil.diagnosis/1","verdict":"explained","rmse_bar":{"base_heldout":0.5,"augmented_heldout":0.25},
+            "effects":[{"id":"first_order_lag","indistinguishable":["sensor_lag"],"claim":"lacks",
+            "parameters":{"tau":{"value":0.045,"std_error":0.001,"unit":"s"},"exponent":{"value":1,"std_error":null,"unit":""}}}],
+            "form":[{"id":"reference_shape"}]}"#;
+        let answer = read_answer(text, true).unwrap_or_else(|e| panic!("{e}"));
+        let effect = &answer.effects[0];
+        assert!(effect.id == "first_order_lag" && effect.indistinguishable == ["sensor_lag"] && effect.lacks);
+        assert!(effect.parameters.len() == 1 && (effect.parameters[0].low - 0.043_04).abs() < 1e-6, "{:?}", effect.parameters);
+        assert_eq!((answer.claimed_gain_bar, answer.form, answer.with_commission), (0.25, vec!["reference_shape".to_owned()], true));
+        assert!(read_answer(r#"{"verdict":"perhaps","effects":[]}"#, false).is_err_and(|e| e.contains("perhaps")));
+        assert!(read_answer(r#"{"verdict":"match"}"#, false).is_err_and(|e| e.contains("effects")));
+    }
+}
