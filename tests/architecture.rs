@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// The rooms in the order of dependence: a room may use only those before it.
-const ROOMS: [&str; 20] = [
+const ROOMS: [&str; 21] = [
     "document",
     "output",
     "units",
@@ -22,6 +22,7 @@ const ROOMS: [&str; 20] = [
     "diagnose",
     "challenge",
     "batch",
+    "fleet",
     "report",
     "cli",
 ];

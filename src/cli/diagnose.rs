@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::jobs::JobsArgs;
 use super::outputs::{Force, PLAN, VALVE};
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
@@ -19,10 +20,11 @@ use crate::valve::{Hysteresis, Valve};
 #[derive(Debug, Args)]
 pub struct DiagnoseArgs {
     /// The recording: .csv, .parquet or .mf4
-    recording: PathBuf,
+    #[arg(required_unless_present = "jobs", conflicts_with = "jobs")]
+    recording: Option<PathBuf>,
     /// The valve model: a file, or the bare name of one in valves/
-    #[arg(long, value_name = "VALVE")]
-    model: String,
+    #[arg(long, value_name = "VALVE", required_unless_present = "jobs", conflicts_with = "jobs")]
+    model: Option<String>,
     /// Writes the model with the effects that were found; every other command takes it
     #[arg(short = 'o', long, value_name = "AUGMENTED")]
     output: Option<PathBuf>,
@@ -41,6 +43,9 @@ pub struct DiagnoseArgs {
     /// Takes a foreign channel, for instance current_a="I_cmd [mA]" or current_a="0.01 * duty_pct"
     #[arg(long, value_name = "CH=EXPR")]
     map: Vec<String>,
+    /// Many recordings.
+    #[command(flatten)]
+    many: JobsArgs,
     /// Existing files.
     #[command(flatten)]
     force: Force,
@@ -63,14 +68,20 @@ enum Format {
 /// Diagnoses, writes what was asked for, prints.
 pub fn run(args: &DiagnoseArgs) -> CliResult {
     let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
-    let model = Valve::find(&args.model).map_err(CliError::input)?;
-    let outputs = Outputs::new(args.force.force).reads([&args.recording, &model]).file(args.output.as_ref(), VALVE);
+    if args.many.jobs.is_some() {
+        return super::jobs::run(&super::jobs::Diagnose { map }, &args.many);
+    }
+    let (Some(recording), Some(model)) = (&args.recording, &args.model) else {
+        return Err(CliError::usage("a RECORDING and --model VALVE, or --jobs LIST"));
+    };
+    let model = Valve::find(model).map_err(CliError::input)?;
+    let outputs = Outputs::new(args.force.force).reads([recording, &model]).file(args.output.as_ref(), VALVE);
     let _claim = outputs.file(args.report.as_ref(), Mark::Page).file(args.next_plan.as_ref(), PLAN).claim()?;
     let mut valve = checked_valve(&model)?;
     for part in &args.without {
         take_out(&mut valve, part)?;
     }
-    let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
+    let recording = Recording::read(recording, &map).map_err(CliError::input)?;
     let diagnosed = diagnose(&recording, &valve).map_err(CliError::input)?;
     if let Some(path) = &args.output {
         store(path, &diagnosed.augmented.to_toml())?;
@@ -123,7 +134,7 @@ fn next_plan(path: &Path, args: &DiagnoseArgs, diagnosed: &Diagnosed) -> Result<
         return Ok(());
     };
     // A plan names its valve: the augmented model where it is stored, otherwise the one that was diagnosed.
-    let model = args.output.as_ref().map_or_else(|| args.model.clone(), |p| p.display().to_string());
+    let model = args.output.as_ref().map_or_else(|| args.model.clone().unwrap_or_default(), |p| p.display().to_string());
     store(path, &next.plan(&model, &diagnosed.augmented))
 }
 

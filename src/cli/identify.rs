@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use sha2::{Digest, Sha256};
 
+use super::jobs::JobsArgs;
 use super::outputs::{Force, VALVE};
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
@@ -18,7 +19,8 @@ use crate::report;
 #[derive(Debug, Args)]
 pub struct IdentifyArgs {
     /// The recording: time, current and measured pressure.
-    recording: PathBuf,
+    #[arg(required_unless_present = "jobs", conflicts_with = "jobs")]
+    recording: Option<PathBuf>,
     /// Write the valve model here.
     #[arg(short, long, value_name = "VALVE")]
     output: Option<PathBuf>,
@@ -37,6 +39,9 @@ pub struct IdentifyArgs {
     /// Write a page with loop, residuals and parameters here.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Many recordings.
+    #[command(flatten)]
+    many: JobsArgs,
     /// Existing files.
     #[command(flatten)]
     force: Force,
@@ -60,9 +65,6 @@ enum Format {
 /// Identifies, writes the model, prints what was found.
 pub fn run(args: &IdentifyArgs) -> CliResult {
     let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
-    let outputs = Outputs::new(args.force.force).reads([&args.recording]);
-    let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;
-    let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
     let options = Options {
         name: args.name.clone(),
         order: args.order,
@@ -71,8 +73,18 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
             Some(HysteresisArg::Hyperbolic) => HysteresisChoice::Hyperbolic,
             Some(HysteresisArg::None) => HysteresisChoice::None,
         },
-        sha256: Some(sha256(&args.recording)?),
+        sha256: None,
     };
+    if args.many.jobs.is_some() {
+        return super::jobs::run(&super::jobs::Identify { map, options }, &args.many);
+    }
+    let Some(path) = &args.recording else {
+        return Err(CliError::usage("a RECORDING, or --jobs LIST"));
+    };
+    let outputs = Outputs::new(args.force.force).reads([path]);
+    let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;
+    let recording = Recording::read(path, &map).map_err(CliError::input)?;
+    let options = Options { sha256: Some(sha256(path)?), ..options };
     let course = Course::take(recording, &Preparation::default()).map_err(CliError::input)?;
     let found = identify_course(&course, &options).map_err(|e| match e {
         crate::identify::IdentifyError::Option { .. } => CliError::usage(e),

@@ -14,6 +14,7 @@ mod challenge_contestant;
 mod challenge_fleet;
 mod challenge_set;
 mod check;
+mod collect;
 mod completions;
 mod diagnose;
 mod diff;
@@ -21,6 +22,7 @@ mod emulate;
 mod explain;
 mod history;
 mod identify;
+mod jobs;
 mod margins;
 mod master;
 mod msa;
@@ -151,6 +153,11 @@ enum Command {
     ///
     /// Example: hil diagnose drive.csv --model valve.toml -o augmented.toml --report diagnosis.html
     Diagnose(diagnose::DiagnoseArgs),
+    /// Put the rows of many diagnoses into one table and one page: which lot, which effect, since when.
+    #[command(
+        after_help = "Examples:\n  hil diagnose --jobs fleet/jobs.csv --out answers\n  hil collect answers -o fleet.parquet --report fleet.html\n  hil collect answers -o fleet.parquet --fail-on new-finding"
+    )]
+    Collect(collect::CollectArgs),
     /// Compare two records, or two folders of records: verdicts first, then figures beyond tolerance.
     #[command(
         after_help = "Examples:\n  hil diff reports/tipin reports/runs/tipin\n  hil diff reports reports/runs --format markdown > diff.md\n  hil diff A B --tolerance rmse=\"5 mbar\"\n\nExit code 1 when anything differs beyond tolerance."
@@ -222,6 +229,7 @@ pub fn main() -> u8 {
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Diagnose(args) => diagnose::run(&args),
+        Command::Collect(args) => collect::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Batch(args) => batch::run(&args),
         Command::History(args) => history::run(&args),

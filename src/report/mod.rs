@@ -4,6 +4,7 @@ pub mod batch;
 pub mod challenge;
 pub mod diagnosis;
 pub mod diff;
+pub mod fleet;
 pub mod format;
 mod html;
 pub mod identify;

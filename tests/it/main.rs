@@ -4,8 +4,8 @@
 mod batch;
 mod blind;
 mod challenge;
-mod course;
 mod diagnose;
+mod fleet;
 mod identify;
 mod outputs;
 mod paper;

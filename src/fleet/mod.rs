@@ -1,0 +1,16 @@
+//! Many recordings, one answer: a list of jobs, rows that survive every kill, and what the rows say together.
+//!
+//! The room knows nothing of engines. Whoever divides the work (Spark, Slurm, GNU parallel, nobody) calls the same
+//! command on parts of one list; [`store::Store`] makes sure that the parts add up: a row is there whole or not at all,
+//! and what agrees in recording, model and version is not done again.
+
+mod error;
+
+pub mod findings;
+pub mod list;
+pub mod row;
+pub mod store;
+pub mod table;
+pub mod work;
+
+pub use error::FleetError;
