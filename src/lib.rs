@@ -1,7 +1,8 @@
 //! Hardware-in-the-loop acceptance tests for electro-hydraulic clutch valves.
 //!
-//! A current goes in, a pressure comes out, with hysteresis and delay between. The rooms of this house, each
-//! depending only on those above it (`tests/architecture.rs` holds that):
+//! A current goes in, a pressure comes out, with hysteresis and delay between. What a user of the library begins with stands
+//! here at the front door; `examples/` shows it at work. Behind it are the rooms of this house, each depending only on those
+//! above it (`tests/architecture.rs` holds that).
 
 pub mod units;
 
@@ -43,4 +44,12 @@ pub mod fleet;
 
 pub mod report;
 
+#[doc(hidden)]
 pub mod cli;
+
+pub use course::{Course, Preparation};
+pub use diagnose::{Diagnosed, Diagnosis, diagnose};
+pub use identify::{Identified, identify};
+pub use physics::simulate_course;
+pub use recording::Recording;
+pub use valve::Valve;

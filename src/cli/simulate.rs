@@ -9,8 +9,9 @@ use serde_json::json;
 use super::outputs::Force;
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
+use crate::course::{Course, Preparation};
 use crate::output::{Mark, Outputs};
-use crate::physics;
+use crate::physics::{Misfit, simulate_course};
 use crate::recording::{Format, Mapping, Recording, Run};
 use crate::units::{CURRENT, PRESSURE};
 use crate::valve::{Hysteresis, Valve};
@@ -43,31 +44,11 @@ enum SummaryFormat {
     Json,
 }
 
-/// Error of a model against the measured pressure, over the samples where both are there.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Error {
-    squares: f64,
-    samples: usize,
-}
-
-impl Error {
-    fn of(simulated: &[f64], measured: &[f64]) -> Self {
-        let both = simulated.iter().zip(measured).map(|(s, m)| s - m).filter(|e| e.is_finite());
-        both.fold(Self::default(), |sum, e| Self { squares: sum.squares + e * e, samples: sum.samples + 1 })
-    }
-    fn and(self, other: Self) -> Self {
-        Self { squares: self.squares + other.squares, samples: self.samples + other.samples }
-    }
-    fn rmse_bar(self) -> Option<f64> {
-        (self.samples > 0).then(|| (self.squares / self.samples as f64).sqrt())
-    }
-}
-
 /// Errors of the model and of its average model over one run.
 struct RunError {
     name: Option<String>,
-    model: Error,
-    average: Error,
+    model: Misfit,
+    average: Misfit,
 }
 
 /// Simulates, writes and sums up.
@@ -93,18 +74,26 @@ pub fn run(args: &SimulateArgs) -> CliResult {
     }
 
     let average = Valve { hysteresis: Hysteresis::None, ..valve.clone() };
-    let source = recording.source.clone();
+    let course = Course::of(&recording, &Preparation::default()).map_err(CliError::input)?;
+    for note in course.notes.iter().skip(recording.notes.len()) {
+        let _ = writeln!(messages, "note: {}: {note}", recording.source);
+    }
+    let refused = |e: crate::physics::PhysicsError| CliError::input(format!("{}: {e}", course.source));
+    let of_model = simulate_course(&valve, &course).map_err(refused)?;
+    let of_average = if course.readings() > 0 { simulate_course(&average, &course).map_err(refused)? } else { Vec::new() };
     let (mut errors, mut runs) = (Vec::new(), Vec::new());
-    for run in recording.runs {
-        let refused = |e: physics::PhysicsError| {
-            let of = run.name.as_ref().map_or(String::new(), |n| format!(", run {n}"));
-            CliError::input(format!("{source}{of}: {e}"))
+    for (number, run) in recording.runs.into_iter().enumerate() {
+        let pressure = course.on_recorded(number, &run.time_s, &of_model);
+        if pressure.len() != run.len() {
+            let name = run.name.as_deref().unwrap_or("(nameless)");
+            return Err(CliError::input(format!("{}: run {name} holds no `current_a` to simulate", course.source)));
+        }
+        let misfit = |simulated: &[Vec<f64>]| {
+            let parts = course.runs.iter().zip(simulated).filter(|(part, _)| part.origin.run == number);
+            parts.map(|(part, values)| Misfit::of(part, values)).fold(Misfit::default(), Misfit::and)
         };
-        let pressure = physics::simulate(&valve, &run.time_s, &run.current_a).map_err(refused)?;
-        if let Some(measured) = &run.pressure_bar {
-            let of_average = physics::simulate(&average, &run.time_s, &run.current_a).map_err(refused)?;
-            let (model, average) = (Error::of(&pressure, measured), Error::of(&of_average, measured));
-            errors.push(RunError { name: run.name.clone(), model, average });
+        if run.pressure_bar.is_some() {
+            errors.push(RunError { name: run.name.clone(), model: misfit(&of_model), average: misfit(&of_average) });
         }
         // A microbar is finer than any sensor, and the same on every machine.
         let rounded = pressure.into_iter().map(|p| (p * 1e6).round() / 1e6).collect();
@@ -122,7 +111,7 @@ pub fn run(args: &SimulateArgs) -> CliResult {
         }
     }
     match args.format {
-        SummaryFormat::Json => super::print(&format!("{:#}\n", summary_json(&simulated, &valve, &errors)))?,
+        SummaryFormat::Json => super::print(&format!("{:#}\n", summary_json(&simulated, &valve, &errors, &course)))?,
         SummaryFormat::Text if args.output.is_some() => super::print(&summary(&simulated, &valve, &errors))?,
         SummaryFormat::Text => drop(messages.write_all(summary(&simulated, &valve, &errors).as_bytes())),
     }
@@ -157,7 +146,7 @@ fn described(valve: &Valve) -> String {
 }
 
 fn totals(errors: &[RunError]) -> (Option<f64>, Option<f64>) {
-    let (model, average) = errors.iter().fold((Error::default(), Error::default()), |t, e| (t.0.and(e.model), t.1.and(e.average)));
+    let (model, average) = errors.iter().fold((Misfit::default(), Misfit::default()), |t, e| (t.0.and(e.model), t.1.and(e.average)));
     (model.rmse_bar(), average.rmse_bar())
 }
 
@@ -184,7 +173,7 @@ fn summary(simulated: &Recording, valve: &Valve, errors: &[RunError]) -> String 
     text
 }
 
-fn summary_json(simulated: &Recording, valve: &Valve, errors: &[RunError]) -> serde_json::Value {
+fn summary_json(simulated: &Recording, valve: &Valve, errors: &[RunError], course: &Course) -> serde_json::Value {
     let (model, average) = totals(errors);
     let round = |v: Option<f64>| v.map(|v| (v * 1e6).round() / 1e6);
     let runs: Vec<_> = errors
@@ -196,6 +185,8 @@ fn summary_json(simulated: &Recording, valve: &Valve, errors: &[RunError]) -> se
         "model": { "name": valve.name, "kind": described(valve) },
         "start": START,
         "samples": simulated.runs.iter().map(Run::len).sum::<usize>(),
+        "readings": course.readings(),
+        "noise_bar": round(Some(course.noise.bar).filter(|_| course.readings() > 0)),
         "rmse_bar": round(model),
         "rmse_average_model_bar": round(average),
         "runs": runs,

@@ -24,9 +24,9 @@ use crate::recording::Recording;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Input {
     /// It stands until the next message, as behind every driver that gets its set-point in messages.
-    #[default]
     Held,
     /// It goes on a straight line to the next sample, as a measured or a continuously driven current does.
+    #[default]
     Ramp,
 }
 
@@ -162,6 +162,23 @@ impl Course {
     pub fn current_range_a(&self) -> (f64, f64) {
         let all = self.runs.iter().flat_map(|run| run.current_a.iter().copied());
         all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), i| (low.min(i), high.max(i)))
+    }
+
+    /// What was simulated on the grids of all runs, at the times of recorded run number `number`. Where the command is not
+    /// known, before the first and in long gaps, the simulation stands still.
+    pub fn on_recorded(&self, number: usize, time_s: &[f64], simulated: &[Vec<f64>]) -> Vec<f64> {
+        let mut parts = self.runs.iter().zip(simulated).filter(|(run, _)| run.origin.run == number).peekable();
+        let mut out = Vec::with_capacity(time_s.len());
+        while let Some((run, values)) = parts.next() {
+            let end = parts.peek().map_or(time_s.len(), |(next, _)| next.origin.samples.start);
+            let from = out.len();
+            if (from..end) == run.origin.samples {
+                out.extend(run.at_times(values, &time_s[from..end]));
+            } else {
+                out.extend(time_s[from..end].iter().map(|t| between(values, (t - run.start_s) / run.dt_s)));
+            }
+        }
+        out
     }
 
     /// The longest run, which a judgement on one run's worth of samples looks at.

@@ -166,11 +166,11 @@ fn messages_between_the_samples_act_for_the_part_that_is_left() {
 #[test]
 fn a_missing_command_is_held_or_a_line_and_a_rest_is_no_gap() {
     let text = "time_s,current_a,pressure_bar\n0,0.1,1\n0.01,,2\n0.02,0.3,3\n0.03,0.4,4\n";
-    let held = course(text);
+    let recording = Recording::from_csv(text, "x.csv", &[]).unwrap();
+    let of = |input| Course::of(&recording, &Preparation { input: Some(input), ..Preparation::default() }).unwrap();
+    let held = of(Input::Held);
     assert_eq!(held.runs[0].current_a, [0.1, 0.1, 0.3, 0.4]);
-    let ramp =
-        Course::of(&Recording::from_csv(text, "x.csv", &[]).unwrap(), &Preparation { input: Some(Input::Ramp), ..Preparation::default() });
-    assert!((ramp.unwrap().runs[0].current_a[1] - 0.2).abs() < 1e-12);
+    assert!((of(Input::Ramp).runs[0].current_a[1] - 0.2).abs() < 1e-12);
     // A logger that writes the command when it changes: the rest of 5 s is none without a command.
     let current =
         |k: usize| if k.is_multiple_of(100) || (300..400).contains(&k) || k >= 900 { (k.clamp(300, 400)) as f64 / 100.0 } else { f64::NAN };

@@ -5,6 +5,7 @@
 
 mod air_entrainment;
 mod coil_heating;
+mod course;
 mod creep;
 mod delay_jitter;
 mod effect;
@@ -34,6 +35,7 @@ mod stiction;
 mod supply_saturation;
 mod transport_delay;
 
+pub use course::{Misfit, simulate_course};
 pub use effect::{Block, Context, Effect, Hint, Kind, Parameter, PhysicsError, Scatter, ScatterFinding, Signals, Stage, Theta};
 pub use linear::{DelayLine, FirstOrder, SecondOrder};
 pub use pipeline::{Pipeline, resolve, simulate, specification};

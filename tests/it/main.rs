@@ -4,6 +4,7 @@
 mod batch;
 mod blind;
 mod challenge;
+mod course;
 mod diagnose;
 mod fleet;
 mod identify;

@@ -1,0 +1,83 @@
+//! A model over a recording that is made ready: what every command that compares the two sees.
+
+use super::effect::PhysicsError;
+use super::pipeline::Pipeline;
+use crate::course::{Course, Run};
+use crate::valve::Valve;
+
+/// Simulates every run of a course from its own start: the pressure [bar] at each sample of its grid.
+///
+/// # Errors
+/// [`PhysicsError`] where an effect of the valve is not known, or the simulation leaves the numbers: it names the sample
+/// and the effect.
+pub fn simulate_course(valve: &Valve, course: &Course) -> Result<Vec<Vec<f64>>, PhysicsError> {
+    let pipeline = Pipeline::of(valve)?;
+    let mut work = Vec::new();
+    let mut out = Vec::with_capacity(course.runs.len());
+    for run in &course.runs {
+        let mut pressure = Vec::new();
+        pipeline.run(run.elapsed_s, run.dt_s, &run.current_a, &mut work, &mut pressure);
+        if let Some(sample) = pressure.iter().position(|p| !p.is_finite()) {
+            return Err(not_finite(valve, run, sample));
+        }
+        out.push(pressure);
+    }
+    Ok(out)
+}
+
+/// Names the first effect with which the simulation is no longer finite at a sample.
+fn not_finite(valve: &Valve, run: &Run, sample: usize) -> PhysicsError {
+    let finite_with = |count: usize| {
+        let fewer = Valve { effects: valve.effects[..count].to_vec(), ..valve.clone() };
+        let (mut work, mut pressure) = (Vec::new(), Vec::new());
+        Pipeline::of(&fewer).is_ok_and(|pipeline| {
+            pipeline.run(run.elapsed_s, run.dt_s, &run.current_a, &mut work, &mut pressure);
+            pressure[sample].is_finite()
+        })
+    };
+    let guilty = (0..valve.effects.len()).find(|count| finite_with(*count) && !finite_with(count + 1));
+    let of = guilty.map_or_else(
+        || "the curves, the hysteresis and the lag".to_string(),
+        |k| {
+            let effect = &valve.effects[k];
+            let values = effect.parameters.iter().map(|(name, value)| format!("{name} = {value}")).collect::<Vec<_>>().join(", ");
+            format!("the effect `{}` ({values})", effect.id)
+        },
+    );
+    let name = run.name.as_ref().map_or(String::new(), |n| format!(" of run {n}"));
+    PhysicsError::Input(format!(
+        "the simulation has no finite pressure at sample {}{name} ({} s, {} A): it is lost in {of}",
+        sample + 1,
+        run.time_s(sample),
+        run.current_a[sample]
+    ))
+}
+
+/// How far a simulation is from the readings, over all of them.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Misfit {
+    /// Sum of squares [bar^2].
+    pub squares_bar2: f64,
+    /// Readings that were compared.
+    pub readings: usize,
+}
+
+impl Misfit {
+    /// Of what was simulated on the grid of a run: each reading is compared where it was taken.
+    pub fn of(run: &Run, simulated_bar: &[f64]) -> Self {
+        let mut at_readings = simulated_bar.to_vec();
+        run.at_readings(&mut at_readings);
+        let errors = at_readings.iter().zip(&run.pressure_bar).filter(|(_, p)| p.is_finite()).map(|(s, p)| s - p);
+        errors.fold(Self::default(), |sum, e| Self { squares_bar2: sum.squares_bar2 + e * e, readings: sum.readings + 1 })
+    }
+
+    /// Of two stretches together.
+    pub fn and(self, other: Self) -> Self {
+        Self { squares_bar2: self.squares_bar2 + other.squares_bar2, readings: self.readings + other.readings }
+    }
+
+    /// Root mean square [bar]; `None` without readings.
+    pub fn rmse_bar(self) -> Option<f64> {
+        (self.readings > 0).then(|| (self.squares_bar2 / self.readings as f64).sqrt())
+    }
+}
