@@ -1,7 +1,7 @@
 //! A plain least-squares fit by Levenberg and Marquardt with forward differences: the counterpart of
 //! `scipy.optimize.least_squares` for the same parameters, data, start and tolerance, with the project's simulation.
 
-use hil::physics::{Effect, Pipeline};
+use hil::physics::{Effect, Pipeline, Signals};
 use hil::recording::Run;
 use hil::valve::{Hysteresis, Polynomial, ReferenceCurves, Valve};
 use nalgebra::{DMatrix, DVector};
@@ -60,9 +60,10 @@ impl Problem<'_> {
             lag_s: 0.0,
             floor_bar: self.valve.floor_bar,
             effects: vec![(effect, values)],
+            input: hil::valve::Input::Ramp,
         };
         let (mut work, mut pressure) = (Vec::new(), Vec::new());
-        pipeline.run(self.run.time_s[0], self.step_s, &self.run.current_a, &mut work, &mut pressure);
+        pipeline.run(self.run.time_s[0], self.step_s, &Signals::current(&self.run.current_a), &mut work, &mut pressure);
         let measured = self.run.pressure_bar.as_deref().expect("the bench's run has a pressure");
         DVector::from_iterator(pressure.len(), measured.iter().zip(&pressure).map(|(y, p)| y - p))
     }

@@ -90,32 +90,33 @@ pub fn time_range(text: &str) -> Result<(f64, f64), String> {
 /// Runs the command.
 pub fn run(args: &MarginsArgs) -> CliResult {
     let gains = Gains { kp_ma_per_bar: args.kp, ki_ma_per_bar_s: args.ki };
-    let (plant, delay_range_s) = match &args.model {
+    let (plant, delay_range_s, left_out) = match &args.model {
         Some(name) => {
             let (valve, _) = super::run::load_valve(name)?;
             let found = linear_loop(&valve);
-            if !found.left_out.is_empty() {
-                super::note(&format!("not in the linear loop: {}", found.left_out.join(", ")));
-            }
-            (found.plant, found.delay_range_s)
+            (found.plant, found.delay_range_s, found.left_out)
         }
         None => {
             let value = |v: Option<f64>| v.ok_or_else(|| CliError::usage("--gain, --lag and --delay are wanted, or --model"));
             let plant = LoopPlant { gain_bar_per_ma: value(args.gain)?, lag_s: value(args.lag)?, delay_s: value(args.delay)? };
-            (plant, (plant.delay_s, plant.delay_s))
+            (plant, (plant.delay_s, plant.delay_s), Vec::new())
         }
     };
     let found = margins(&plant, args.delay_range.unwrap_or(delay_range_s), gains, args.rate).map_err(CliError::usage)?;
     let text = match args.format {
-        TextOrJson::Json => super::to_json(&found)?,
-        TextOrJson::Text => table(&found)?,
+        TextOrJson::Json => {
+            let mut value = serde_json::to_value(&found).map_err(|e| CliError { code: exit::INTERNAL, message: e.to_string() })?;
+            value["left_out"] = left_out.into();
+            super::to_json(&value)?
+        }
+        TextOrJson::Text => table(&found, &left_out)?,
     };
     super::print(&text)?;
     Ok(exit::DONE)
 }
 
 /// The margins in the lines of a run's report.
-fn table(found: &Margins) -> Result<String, CliError> {
+fn table(found: &Margins, left_out: &[String]) -> Result<String, CliError> {
     let value = serde_json::to_value(found).map_err(|e| CliError { code: exit::INTERNAL, message: e.to_string() })?;
     let of = &found.of;
     let mut text = format!(
@@ -127,6 +128,9 @@ fn table(found: &Margins) -> Result<String, CliError> {
         text.push('\n');
     }
     text += if found.stable { "\nstable over the whole delay range\n" } else { "\nUNSTABLE somewhere in the delay range\n" };
+    if !left_out.is_empty() {
+        text += &format!("judged without {}: no place in a linear loop\n", left_out.join(", "));
+    }
     Ok(text)
 }
 

@@ -22,6 +22,7 @@ mod emulate;
 mod explain;
 mod history;
 mod identify;
+mod input;
 mod jobs;
 mod margins;
 mod master;

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::input::InputShape;
 use super::outputs::Force;
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
@@ -33,6 +34,9 @@ pub struct SimulateArgs {
     /// Existing files.
     #[command(flatten)]
     force: Force,
+    /// What the command does between two samples, where the recording does not say it
+    #[arg(long, value_enum)]
+    input: Option<InputShape>,
     /// How to print the summary; `json` prints it alone, and the pressure only goes to -o
     #[arg(long, value_enum, default_value = "text")]
     format: SummaryFormat,
@@ -74,7 +78,8 @@ pub fn run(args: &SimulateArgs) -> CliResult {
     }
 
     let average = Valve { hysteresis: Hysteresis::None, ..valve.clone() };
-    let course = Course::of(&recording, &Preparation::default()).map_err(CliError::input)?;
+    let course =
+        Course::of(&recording, &Preparation { input: args.input.map(Into::into), ..Preparation::default() }).map_err(CliError::input)?;
     for note in course.notes.iter().skip(recording.notes.len()) {
         let _ = writeln!(messages, "note: {}: {note}", recording.source);
     }

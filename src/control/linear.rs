@@ -1,7 +1,7 @@
 //! The linear loop that stands for a valve model when margins are judged.
 
 use super::stability::LoopPlant;
-use crate::units::TIME;
+use crate::physics::resolve;
 use crate::valve::Valve;
 
 /// The linear plant of a valve, and what was left out on the way there.
@@ -31,20 +31,23 @@ pub fn linear_loop(valve: &Valve) -> LinearLoop {
     let mut lags = vec![valve.lag_s];
     let (mut delay_s, mut spread_s) = (0.0, 0.0);
     let mut left_out = Vec::new();
-    for effect in &valve.effects {
-        let time = |name: &str| effect.parameters.iter().find(|p| p.0 == name).and_then(|p| TIME.parse(&p.1).ok());
-        match (effect.id.as_str(), time("tau"), effect.parameters.first().and_then(|p| TIME.parse(&p.1).ok())) {
-            ("first_order_lag" | "sensor_lag", Some(tau), _) => lags.push(tau),
-            ("transport_delay", _, Some(delay)) => delay_s += delay,
-            ("delay_jitter", _, Some(spread)) => spread_s += spread,
-            _ => left_out.push(effect.id.clone()),
+    let mut factor = 1.0;
+    for spec in &valve.effects {
+        match resolve(spec).ok().and_then(|(effect, theta)| effect.linear(&theta)) {
+            Some(form) => {
+                factor *= form.gain;
+                lags.push(form.lag_s);
+                delay_s += form.delay_s;
+                spread_s += form.delay_spread_s;
+            }
+            None => left_out.push(spec.id.clone()),
         }
     }
     lags.sort_by(f64::total_cmp);
     let lag_s = lags.pop().unwrap_or(0.0);
     delay_s += lags.iter().sum::<f64>();
     LinearLoop {
-        plant: LoopPlant { gain_bar_per_ma: gain * 1e-3, lag_s, delay_s: valve.delay_s + delay_s },
+        plant: LoopPlant { gain_bar_per_ma: factor * gain * 1e-3, lag_s, delay_s: valve.delay_s + delay_s },
         delay_range_s: (valve.delay_range_s.0 + delay_s, valve.delay_range_s.1 + delay_s + spread_s),
         at_current_a,
         left_out,
@@ -71,7 +74,7 @@ mod tests {
         let mut valve = valve();
         valve.lag_s = 0.01;
         let effect = |id: &str, name: &str, text: &str| EffectSpec { id: id.into(), parameters: vec![(name.into(), text.into())] };
-        valve.effects = vec![effect("first_order_lag", "tau", "45 ms"), effect("stiction", "level", "10 mA")];
+        valve.effects = vec![effect("first_order_lag", "tau", "45 ms"), effect("stiction", "band", "10 mA")];
         let found = linear_loop(&valve);
         assert_eq!((found.plant.lag_s, found.plant.delay_s), (0.045, 0.03));
         assert_eq!(found.left_out, ["stiction"]);

@@ -19,26 +19,7 @@ pub use noise::Noise;
 pub use prepare::Selection;
 
 use crate::recording::Recording;
-
-/// What a command does between two of its samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Input {
-    /// It stands until the next message, as behind every driver that gets its set-point in messages.
-    Held,
-    /// It goes on a straight line to the next sample, as a measured or a continuously driven current does.
-    #[default]
-    Ramp,
-}
-
-impl Input {
-    /// Its name on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Held => "held",
-            Self::Ramp => "ramp",
-        }
-    }
-}
+pub use crate::valve::Input;
 
 /// How a recording is made ready.
 #[derive(Debug, Clone, Default, PartialEq)]

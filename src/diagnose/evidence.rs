@@ -1,6 +1,7 @@
 //! What the fits of a diagnosis look at: the runs of a course and its noise.
 
-use crate::course::{Course, CourseError, Run};
+use crate::course::{Course, CourseError, Input, Run};
+use crate::physics::Channel;
 
 /// Fewest usable samples in all.
 const FEWEST_SAMPLES: usize = 200;
@@ -19,6 +20,8 @@ pub struct Evidence {
     pub grids: Vec<Run>,
     /// Standard deviation of a reading about the pressure [bar].
     pub noise_bar: f64,
+    /// What the command does between its samples.
+    pub input: Input,
     /// What was noticed.
     pub notes: Vec<String>,
 }
@@ -31,7 +34,18 @@ impl Evidence {
     pub fn of(course: Course) -> Result<Self, CourseError> {
         course.carries(FEWEST_SAMPLES)?;
         // What nothing at all disturbs would make every trifle evidence without end.
-        Ok(Self { noise_bar: course.noise.bar.max(LEAST_NOISE_BAR), grids: course.runs, notes: course.notes })
+        Ok(Self { noise_bar: course.noise.bar.max(LEAST_NOISE_BAR), grids: course.runs, input: course.input, notes: course.notes })
+    }
+
+    /// Whether this channel was recorded and moved, so that an effect that follows it can be told from a constant.
+    pub fn moves(&self, channel: Channel) -> bool {
+        let (values, least): (Vec<f64>, f64) = match channel {
+            Channel::OilTemperature => (self.grids.iter().filter_map(|g| g.oil_temp_c.as_ref()).flatten().copied().collect(), 3.0),
+            Channel::SupplyPressure => (self.grids.iter().filter_map(|g| g.supply_bar.as_ref()).flatten().copied().collect(), 0.5),
+        };
+        let finite = values.iter().filter(|v| v.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        high - low > least
     }
 
     /// Why this cannot be a recording of this valve: current or pressure of another order of magnitude.

@@ -1,8 +1,8 @@
 //! A candidate model: the base valve with its parameters free within what the calibration allows, and effects.
 
 use super::evidence::Evidence;
-use crate::physics::{Effect, Parameter, Pipeline, Stage, resolve, specification};
-use crate::valve::{Hysteresis, Polynomial, ReferenceCurves, Valve};
+use crate::physics::{EFFECTS, Effect, Parameter, Pipeline, Stage, resolve, signals, specification};
+use crate::valve::{Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
 
 /// One parameter of the vector that a fit moves.
 #[derive(Debug, Clone, Copy)]
@@ -285,7 +285,15 @@ impl<'a> Model<'a> {
             Hysteresis::None => Hysteresis::None,
             Hysteresis::Hyperbolic { .. } => Hysteresis::Hyperbolic { a_bar2: theta[3].exp() },
         };
-        Pipeline { curves, hysteresis, delay_s: delay_s(theta), lag_s: theta[5], floor_bar: self.valve.floor_bar, effects }
+        Pipeline {
+            curves,
+            hysteresis,
+            delay_s: delay_s(theta),
+            lag_s: theta[5],
+            floor_bar: self.valve.floor_bar,
+            input: Input::Ramp,
+            effects,
+        }
     }
 
     /// The valve file that this model stands for.
@@ -335,21 +343,29 @@ impl<'e> Simulator<'e> {
     /// Pressure of all runs, one after the other [bar].
     pub fn pressure(&mut self, model: &Model<'_>, theta: &[f64], out: &mut Vec<f64>) {
         let curves = model.curves(theta);
-        let pipeline = model.pipeline(&curves, theta);
-        let mut current_key = vec![delay_s(theta)];
-        for (effect, values) in &pipeline.effects {
+        let pipeline = Pipeline { input: self.evidence.input, ..model.pipeline(&curves, theta) };
+        let mut current_key = vec![pipeline.dead_time_s()];
+        for (k, (effect, values)) in pipeline.effects.iter().enumerate() {
             if effect.stage() < Stage::Static {
-                current_key.push(f64::from(effect.id().len() as u32));
+                current_key.extend([k as f64, EFFECTS.iter().position(|e| e.id() == effect.id()).map_or(-1.0, |at| at as f64)]);
                 current_key.extend(values);
             }
         }
         let static_key = [theta[0], theta[1], theta[2], theta[3]];
         out.clear();
         for (grid, kept) in self.evidence.grids.iter().zip(&mut self.runs) {
+            let signals = signals(grid);
+            if pipeline.parts(grid.dt_s) > 1 {
+                let (mut work, mut pressure) = (Vec::new(), Vec::new());
+                pipeline.run_from(self.start_share, (grid.elapsed_s, grid.dt_s), &signals, &mut work, &mut pressure);
+                grid.at_readings(&mut pressure);
+                out.extend(pressure);
+                continue;
+            }
             let context = pipeline.context(grid.elapsed_s, grid.dt_s, None);
             let same_current = kept.current_key == current_key && !kept.current_a.is_empty();
             if !same_current {
-                pipeline.current_stages(&context, &grid.current_a, &mut kept.current_a);
+                pipeline.current_stages(&context, &signals, &mut kept.current_a);
                 kept.current_key.clone_from(&current_key);
             }
             if !same_current || kept.static_key != static_key {
@@ -359,7 +375,7 @@ impl<'e> Simulator<'e> {
             }
             let from = out.len();
             out.extend_from_slice(&kept.static_bar);
-            pipeline.pressure_stages(&context, &kept.current_a, &mut out[from..]);
+            pipeline.pressure_stages(&context, &signals.with_current(&kept.current_a), &mut out[from..]);
             grid.at_readings(&mut out[from..]);
         }
     }

@@ -87,7 +87,7 @@ pub fn story(found: &Diagnosed) -> Story {
     let noise_bar = found.diagnosis.rmse_bar.noise_floor;
     let error = |model: &[f64]| curves.measured_bar.iter().zip(model).map(|(y, p)| y - p).collect::<Vec<f64>>();
     let (base, augmented) = (error(&curves.base_bar), error(&curves.augmented_bar));
-    let evidence = Evidence { grids: grids(curves), noise_bar, notes: Vec::new() };
+    let evidence = Evidence { grids: grids(curves), noise_bar, input: crate::course::Input::default(), notes: Vec::new() };
     let mut all = variables(&evidence, &curves.base_bar);
     let (rate, direction) = movement(&evidence, &curves.base_bar);
     let strips = all.iter().map(|v| strip(v, &base, &augmented)).filter(|s| s.cells.len() > 1).collect();

@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use super::*;
 use crate::physics::simulate;
 use crate::recording::Run;
-use crate::valve::{Hysteresis, Polynomial, ReferenceCurves, Valve};
+use crate::valve::{Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
 
 const DT_S: f64 = 0.01;
 
@@ -51,7 +51,7 @@ fn shrinking() -> Vec<f64> {
 
 fn recorded(valve: &Valve, current_a: Vec<f64>, seed: u64) -> Run {
     let time_s: Vec<f64> = (0..current_a.len()).map(|k| k as f64 * DT_S).collect();
-    let mut pressure = simulate(valve, &time_s, &current_a).unwrap();
+    let mut pressure = simulate(valve, Input::Ramp, &time_s, &current_a).unwrap();
     let (mut random, normal) = (Pcg64::seed_from_u64(seed), Normal::new(0.0, valve.noise_bar).unwrap());
     for p in &mut pressure {
         *p += normal.sample(&mut random);

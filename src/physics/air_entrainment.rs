@@ -12,8 +12,10 @@
 //!
 //! Source: bulk modulus of a liquid with entrained air, Merritt, Hydraulic Control Systems, Wiley 1967, section 2.3.
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
-use super::power::Power;
+use super::block::{Block, Dynamic, Point, Step};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
+use super::first_order_lag::LINEAR;
+use super::flow::{Flow, RESOLUTION_BAR};
 use crate::units::{RATIO, TIME};
 
 /// The effect `air_entrainment`.
@@ -58,25 +60,23 @@ impl Effect for AirEntrainment {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        let softness = Softness { ratio: context.dt_s / theta[0], exponent: theta[1] };
-        if theta[2] > 0.999 {
-            let table = softness.table(|steps| (-steps).exp());
-            return Box::new(Laminar { softness, table, input: 0.0, output: 0.0 });
-        }
-        let loss = 1.0 - theta[2];
-        let table = softness.table(|steps| loss * steps);
-        let (less, back) = (Power::new(loss), Power::new(1.0 / loss));
-        Box::new(Orifice { softness, loss, less, back, table, input: 0.0, output: 0.0 })
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        // At the pressures of a clutch; above them the chamber is as good as stiff.
+        theta[0] * (6.0_f64 / 16.0).powf(theta[1])
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        let softness = Softness::new(context.dt_s / theta[0], theta[1]);
+        let flow = (theta[2] <= LINEAR).then(|| Flow::new(theta[2]));
+        Block::dynamic(Soft { softness, flow, left: context.arrival.left(), output: 0.0 })
     }
 }
 
-/// A chamber that is this near to its target is there [bar].
-const SETTLED_BAR: f64 = 1e-7;
-/// Below this share of the way the chamber is at its target at the end of the step, not half a step behind.
-const STIFF: f64 = 1e-13;
-/// What a step does is tabulated up to this pressure [bar],
-const TABLE_BAR: usize = 32;
+/// What one step taken with the softness at its begin may be off before it is taken in two halves [bar].
+const TOLERANCE_BAR: f64 = 0.01;
+/// Most halvings.
+const HALVINGS: u32 = 10;
+/// The softness is tabulated up to this pressure [bar],
+const TABLE_BAR: usize = 64;
 /// at so many places per bar.
 const PER_BAR: usize = 16;
 
@@ -84,80 +84,90 @@ const PER_BAR: usize = 16;
 struct Softness {
     ratio: f64,
     exponent: f64,
+    table: Vec<f64>,
 }
 
 impl Softness {
+    fn new(ratio: f64, exponent: f64) -> Self {
+        let steps = |pressure_bar: f64| ratio * ((pressure_bar + 1.0) / 6.0).powf(exponent);
+        let table = (0..=TABLE_BAR * PER_BAR).map(|k| steps(k as f64 / PER_BAR as f64)).collect();
+        Self { ratio, exponent, table }
+    }
     /// Samples over the time constant at this pressure [bar].
+    #[inline]
     fn steps(&self, pressure_bar: f64) -> f64 {
-        self.ratio * ((pressure_bar + 1.0) / 6.0).powf(self.exponent)
-    }
-    /// `of` the steps, over the pressure.
-    fn table(&self, of: impl Fn(f64) -> f64) -> Vec<f64> {
-        (0..=TABLE_BAR * PER_BAR).map(|k| of(self.steps(k as f64 / PER_BAR as f64))).collect()
+        let place = pressure_bar.max(0.0) * PER_BAR as f64;
+        let k = place as usize;
+        match self.table.get(k..k + 2) {
+            Some(pair) => pair[0] + (pair[1] - pair[0]) * (place - k as f64),
+            None => self.ratio * ((pressure_bar + 1.0) / 6.0).powf(self.exponent),
+        }
     }
 }
 
-/// What a table made by [`Softness::table`] holds at a pressure [bar]; nothing beyond its end.
-#[inline]
-fn look_up(table: &[f64], pressure_bar: f64) -> Option<f64> {
-    let place = pressure_bar.max(0.0) * PER_BAR as f64;
-    let k = place as usize;
-    table.get(k..k + 2).map(|pair| pair[0] + (pair[1] - pair[0]) * (place - k as f64))
-}
-
-struct Laminar {
+struct Soft {
     softness: Softness,
-    /// Share of the way left after one step.
-    table: Vec<f64>,
-    input: f64,
+    /// `None` through a laminar restrictor.
+    flow: Option<Flow>,
+    left: f64,
     output: f64,
 }
 
-impl Block for Laminar {
-    fn start(&mut self, _: f64, input: f64) {
-        (self.input, self.output) = (input, input);
-    }
+impl Soft {
+    /// Where a chamber of one softness comes to, and its mean distance from the target on the way.
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        let target = 0.5 * (self.input + input);
-        self.input = input;
-        if (self.output - target).abs() < SETTLED_BAR {
-            self.output = target;
-            return target;
+    fn frozen(&self, target: f64, output: f64, steps: f64) -> (f64, f64) {
+        match &self.flow {
+            Some(flow) => {
+                let (end, sum) = flow.towards(target, output, steps);
+                (end, sum / steps)
+            }
+            None => {
+                let gone = -(-steps).exp_m1();
+                let away = output - target;
+                (output - away * gone, if steps > 1e-9 { away * gone / steps } else { away })
+            }
         }
-        let left = look_up(&self.table, self.output).unwrap_or_else(|| (-self.softness.steps(self.output)).exp());
-        self.output = if left < STIFF { input } else { target + (self.output - target) * left };
-        self.output
+    }
+
+    /// The pressure after `share` of a step towards `target`, and the integral of its distance from it.
+    fn towards(&self, target: f64, output: f64, share: f64, halvings: u32) -> (f64, f64) {
+        let begin = self.softness.steps(output);
+        let rough = self.frozen(target, output, share * begin);
+        // With the softness half-way: of second order, and the difference says how much there is to correct.
+        let (half, _) = self.frozen(target, output, 0.5 * share * begin);
+        let middle = self.softness.steps(half);
+        let fine = self.frozen(target, output, share * middle);
+        if (fine.0 - rough.0).abs() < TOLERANCE_BAR || halvings == 0 {
+            return (fine.0, share * fine.1);
+        }
+        let first = self.towards(target, output, 0.5 * share, halvings - 1);
+        let second = self.towards(target, first.0, 0.5 * share, halvings - 1);
+        (second.0, first.1 + second.1)
     }
 }
 
-struct Orifice {
-    softness: Softness,
-    loss: f64,
-    less: Power,
-    back: Power,
-    /// What one step takes from |u - y|^(1 - feed).
-    table: Vec<f64>,
-    input: f64,
-    output: f64,
-}
-
-impl Block for Orifice {
-    fn start(&mut self, _: f64, input: f64) {
-        (self.input, self.output) = (input, input);
+impl Dynamic for Soft {
+    fn start(&mut self, _: &Point, input: f64) {
+        self.output = input;
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        let target = 0.5 * (self.input + input);
-        self.input = input;
-        let away = self.output - target;
-        if away.abs() < SETTLED_BAR {
-            self.output = target;
-            return target;
-        }
-        let step = look_up(&self.table, self.output).unwrap_or_else(|| self.loss * self.softness.steps(self.output));
-        let way = self.less.of(away.abs());
-        self.output = if step > 4.0 * way { input } else { target + self.back.of((way - step).max(0.0)).copysign(away) };
-        self.output
+    fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
+        let mut mean = 0.0;
+        input.pieces(from, self.left, RESOLUTION_BAR, |share, a, b| {
+            let target = 0.5 * (a + b);
+            let (output, sum) = if (self.output - target).abs() < CLOSE_BAR {
+                let (end, away) = self.frozen(target, self.output, share * self.softness.steps(target));
+                (end, share * away)
+            } else {
+                self.towards(target, self.output, share, HALVINGS)
+            };
+            self.output = output;
+            mean += share * target + sum;
+        });
+        Step { to: self.output, mean, jump: 0.0 }
     }
 }
+
+/// So near to its target the softness does not change on the way [bar].
+const CLOSE_BAR: f64 = 0.02;

@@ -15,7 +15,8 @@
 //! Source: copper 0.0039 1/K; thermal RC as in Incropera, Fundamentals of Heat and Mass Transfer, 6th ed., section
 //! 5.1 (lumped capacitance).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Arrival, Block, Point, Pointwise};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use crate::units::{RATIO, TIME};
 
 /// The effect `coil_heating`.
@@ -60,24 +61,46 @@ impl Effect for CoilHeating {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Coil { droop: theta[0], share: -(-context.dt_s / theta[1]).exp_m1(), initial: theta[2], heat: theta[2] })
+    fn longest_step_s(&self, _: Theta<'_>) -> f64 {
+        // While a command is held the current droops on, which a hysteresis sees as a reversal of its own.
+        0.01
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        Block::pointwise(Coil {
+            droop: theta[0],
+            shares: {
+                let left = context.arrival.left();
+                [1.0 - left, left].map(|part| -(-part * context.dt_s / theta[1]).exp_m1())
+            },
+            held: matches!(context.arrival, Arrival::Held { .. }),
+            initial: theta[2],
+            heat: theta[2],
+            last: 0.0,
+        })
     }
 }
 
 struct Coil {
     droop: f64,
-    share: f64,
+    /// What of the way to its end the heat goes until the command changes, and from then to the sample.
+    shares: [f64; 2],
+    held: bool,
     initial: f64,
     heat: f64,
+    last: f64,
 }
 
-impl Block for Coil {
-    fn start(&mut self, _: f64, _: f64) {
-        self.heat = self.initial;
+impl Pointwise for Coil {
+    fn start(&mut self, _: &Point, input: f64) {
+        (self.heat, self.last) = (self.initial, input);
     }
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        self.heat += self.share * (input * input - self.heat);
+    #[inline]
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
+        // What the current was up to here has made the heat.
+        let square = if self.held { self.last * self.last } else { (self.last * (self.last + input) + input * input) / 3.0 };
+        self.heat += self.shares[0] * (square - self.heat);
+        self.heat += self.shares[1] * (input * input - self.heat);
+        self.last = input;
         input * (1.0 - self.droop * self.heat)
     }
 }

@@ -1,6 +1,8 @@
 //! A model over a recording that is made ready: what every command that compares the two sees.
 
-use super::effect::PhysicsError;
+use super::block::Signals;
+use super::error::PhysicsError;
+use super::finite::blame;
 use super::pipeline::Pipeline;
 use crate::course::{Course, Run};
 use crate::valve::Valve;
@@ -11,46 +13,24 @@ use crate::valve::Valve;
 /// [`PhysicsError`] where an effect of the valve is not known, or the simulation leaves the numbers: it names the sample
 /// and the effect.
 pub fn simulate_course(valve: &Valve, course: &Course) -> Result<Vec<Vec<f64>>, PhysicsError> {
-    let pipeline = Pipeline::of(valve)?;
+    let pipeline = Pipeline { input: course.input, ..Pipeline::of(valve)? };
     let mut work = Vec::new();
     let mut out = Vec::with_capacity(course.runs.len());
     for run in &course.runs {
+        let signals = signals(run);
         let mut pressure = Vec::new();
-        pipeline.run(run.elapsed_s, run.dt_s, &run.current_a, &mut work, &mut pressure);
+        pipeline.run(run.elapsed_s, run.dt_s, &signals, &mut work, &mut pressure);
         if let Some(sample) = pressure.iter().position(|p| !p.is_finite()) {
-            return Err(not_finite(valve, run, sample));
+            return Err(blame(&pipeline, (run.elapsed_s, run.dt_s), &signals, sample).at_clock(run.time_s(sample), run.name.as_deref()));
         }
         out.push(pressure);
     }
     Ok(out)
 }
 
-/// Names the first effect with which the simulation is no longer finite at a sample.
-fn not_finite(valve: &Valve, run: &Run, sample: usize) -> PhysicsError {
-    let finite_with = |count: usize| {
-        let fewer = Valve { effects: valve.effects[..count].to_vec(), ..valve.clone() };
-        let (mut work, mut pressure) = (Vec::new(), Vec::new());
-        Pipeline::of(&fewer).is_ok_and(|pipeline| {
-            pipeline.run(run.elapsed_s, run.dt_s, &run.current_a, &mut work, &mut pressure);
-            pressure[sample].is_finite()
-        })
-    };
-    let guilty = (0..valve.effects.len()).find(|count| finite_with(*count) && !finite_with(count + 1));
-    let of = guilty.map_or_else(
-        || "the curves, the hysteresis and the lag".to_string(),
-        |k| {
-            let effect = &valve.effects[k];
-            let values = effect.parameters.iter().map(|(name, value)| format!("{name} = {value}")).collect::<Vec<_>>().join(", ");
-            format!("the effect `{}` ({values})", effect.id)
-        },
-    );
-    let name = run.name.as_ref().map_or(String::new(), |n| format!(" of run {n}"));
-    PhysicsError::Input(format!(
-        "the simulation has no finite pressure at sample {}{name} ({} s, {} A): it is lost in {of}",
-        sample + 1,
-        run.time_s(sample),
-        run.current_a[sample]
-    ))
+/// What a run brings for a simulation.
+pub fn signals(run: &Run) -> Signals<'_> {
+    Signals { current_a: &run.current_a, oil_temp_c: run.oil_temp_c.as_deref(), supply_bar: run.supply_bar.as_deref() }
 }
 
 /// How far a simulation is from the readings, over all of them.

@@ -11,7 +11,8 @@
 //!
 //! Source: Krejci and Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185 (creep operator, spectrum of lags).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Dynamic, Point, Step};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
 use crate::units::{RATIO, TIME};
 
@@ -57,9 +58,15 @@ impl Effect for Creep {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        let lag = |tau_s: f64| FirstOrder::new(tau_s, context.dt_s);
-        Box::new(Late { gain: theta[0], lags: [lag(theta[1] / theta[2]), lag(theta[1]), lag(theta[1] * theta[2])] })
+    fn is_linear(&self, _: Theta<'_>) -> bool {
+        true
+    }
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        theta[1] / theta[2]
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        let lag = |tau_s: f64| FirstOrder::new(tau_s, context.dt_s, context.arrival);
+        Block::dynamic(Late { gain: theta[0], lags: [lag(theta[1] / theta[2]), lag(theta[1]), lag(theta[1] * theta[2])] })
     }
 }
 
@@ -68,16 +75,17 @@ struct Late {
     lags: [FirstOrder; 3],
 }
 
-impl Block for Late {
-    fn start(&mut self, _: f64, input: f64) {
+impl Dynamic for Late {
+    fn start(&mut self, _: &Point, input: f64) {
         for lag in &mut self.lags {
-            lag.start(input);
+            lag.settle(input);
         }
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
         let [a, b, c] = &mut self.lags;
-        let mean = (a.step(input) + b.step(input) + c.step(input)) * (1.0 / 3.0);
-        input - self.gain * (input - mean)
+        let (a, b, c) = (a.advance(from, input), b.advance(from, input), c.advance(from, input));
+        let late = |now: f64, lags: f64| now - self.gain * (now - lags * (1.0 / 3.0));
+        Step { to: late(input.to, a.0 + b.0 + c.0), mean: late(input.mean, a.1 + b.1 + c.1), jump: (1.0 - self.gain) * input.jump }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! What it is: the dead time of each command varies by chance, for instance with the load of a bus.
 //!
-//! Model: d(t) = d0 + spread * |n(t)| with n a standard normal held for one message; without a seed the mean course.
+//! Model: each new command is late by spread |n|, n a standard normal of its own, and none overtakes another; without a
+//! seed the mean course.
 //!
 //! Signature: the scatter of the error grows with |dP/dt| and is as small as the sensor noise in holds; the mean
 //! error stays small. Judged by likelihood, since no simulation can follow it.
@@ -11,13 +12,15 @@
 //!
 //! Source: Nilsson, Real-Time Control Systems with Delays, Lund 1998, chapter 3.
 
+use std::collections::VecDeque;
+
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::effect::{Block, Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
-use super::transport_delay::Through;
+use super::block::{Block, Point, Pointwise, Through};
+use super::effect::{Context, Effect, Kind, LinearForm, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use crate::units::TIME;
 
 /// The effect `delay_jitter`.
@@ -135,13 +138,18 @@ impl Effect for DelayJitter {
             ),
         })
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+    fn linear(&self, theta: Theta<'_>) -> Option<LinearForm> {
+        Some(LinearForm { delay_spread_s: theta[0], ..LinearForm::NEUTRAL })
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         match context.seed {
-            None => Box::new(Through),
-            Some(seed) => Box::new(Jitter {
+            None => Block::pointwise(Through),
+            Some(seed) => Block::pointwise(Jitter {
                 spread_steps: theta[0] / context.dt_s,
                 random: Pcg64::seed_from_u64(seed ^ 0x6a69_7474),
-                past: vec![0.0; (8.0 * theta[0] / context.dt_s).ceil() as usize + 2],
+                sent: 0.0,
+                arrived: 0.0,
+                under_way: VecDeque::new(),
             }),
         }
     }
@@ -162,23 +170,39 @@ fn explained(shifts: &[(usize, f64)], slopes: &[f64], pressure_bar: &[f64], clip
     }
 }
 
+/// Each new command is late by a chance of its own, and none overtakes another: a bus keeps the order.
 struct Jitter {
     spread_steps: f64,
     random: Pcg64,
-    past: Vec<f64>,
+    sent: f64,
+    arrived: f64,
+    /// Steps until it arrives, and the command.
+    under_way: VecDeque<(f64, f64)>,
 }
 
-impl Block for Jitter {
-    fn start(&mut self, _: f64, input: f64) {
-        self.past.fill(input);
+impl Pointwise for Jitter {
+    fn start(&mut self, _: &Point, input: f64) {
+        (self.sent, self.arrived) = (input, input);
+        self.under_way.clear();
     }
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        self.past.rotate_right(1);
-        self.past[0] = input;
-        let normal: f64 = StandardNormal.sample(&mut self.random);
-        let steps = (self.spread_steps * normal.abs()).min((self.past.len() - 2) as f64);
-        let (whole, part) = (steps.floor() as usize, steps - steps.floor());
-        self.past[whole] + part * (self.past[whole + 1] - self.past[whole])
+    /// The mean of what has arrived over the step that begins here.
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
+        if input != self.sent {
+            self.sent = input;
+            let normal: f64 = StandardNormal.sample(&mut self.random);
+            let before = self.under_way.back().map_or(0.0, |last| last.0);
+            self.under_way.push_back(((self.spread_steps * normal.abs()).max(before), input));
+        }
+        let (mut mean, mut since) = (0.0, 0.0);
+        while let Some((due, command)) = self.under_way.front().copied().filter(|next| next.0 < 1.0) {
+            mean += (due - since) * self.arrived;
+            (since, self.arrived) = (due, command);
+            self.under_way.pop_front();
+        }
+        for (due, _) in &mut self.under_way {
+            *due -= 1.0;
+        }
+        mean + (1.0 - since) * self.arrived
     }
 }
 
@@ -215,6 +239,25 @@ mod tests {
             .collect();
         let look = Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar: &measured, simulated_bar: &simulated };
         DelayJitter.scatter(&look).is_some()
+    }
+
+    /// Mean lateness [s] of steps held for 50 ms, sampled every `dt_s`.
+    fn lateness_s(dt_s: f64) -> f64 {
+        let mut jitter =
+            Jitter { spread_steps: 0.01 / dt_s, random: Pcg64::seed_from_u64(5), sent: 0.0, arrived: 0.0, under_way: VecDeque::new() };
+        let per_step = (0.05 / dt_s).round() as usize;
+        let at = Point::current(0.0);
+        let missing: f64 = (1..=4000).flat_map(|k| std::iter::repeat_n(f64::from(k), per_step)).map(|i| i - jitter.step(&at, i)).sum();
+        missing * dt_s / 4000.0
+    }
+
+    #[test]
+    fn a_step_is_late_by_the_mean_of_half_a_normal_however_often_is_sampled() {
+        let expected = 0.01 * (2.0 / std::f64::consts::PI).sqrt();
+        for dt_s in [0.002, 0.01, 0.05] {
+            let late = lateness_s(dt_s);
+            assert!((late - expected).abs() < 0.03 * expected, "{dt_s}: {late}");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What an effect is: where it sits in the signal's way, which parameters it has, what it does to the signal.
 
+use super::block::{Arrival, Block};
 use crate::units::Unit;
 
 /// The stages of a valve in the order in which the signal passes them.
@@ -63,6 +64,8 @@ pub struct Context {
     pub dt_s: f64,
     /// Time of the first sample [s].
     pub start_s: f64,
+    /// When within a step the command changes.
+    pub arrival: Arrival,
     /// Range of current of the reference curves [A].
     pub range_a: (f64, f64),
     /// Slope of the average curve in the middle of its range [bar/A].
@@ -71,28 +74,31 @@ pub struct Context {
     pub seed: Option<u64>,
 }
 
-/// What a block may look at besides its own signal.
-#[derive(Debug, Clone, Copy)]
-pub struct Signals<'a> {
-    /// Current at the static curve [A]; in the stages before it, the block's own input.
-    pub current_a: &'a [f64],
+/// What an effect is in the linear loop for which margins are judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinearForm {
+    /// Factor on the gain.
+    pub gain: f64,
+    /// Dead time [s].
+    pub delay_s: f64,
+    /// By how much the dead time may be longer at times [s].
+    pub delay_spread_s: f64,
+    /// Time constant of a first-order lag [s].
+    pub lag_s: f64,
 }
 
-/// An effect with values for its parameters, at work.
-pub trait Block: Send {
-    /// Settles the block at its first input.
-    fn start(&mut self, current_a: f64, input: f64);
-    /// The output one time step after the previous one; `current_a` is the current at the static curve [A].
-    fn step(&mut self, current_a: f64, input: f64) -> f64;
-    /// Replaces a whole signal, from its start.
-    fn run(&mut self, at: Signals<'_>, signal: &mut [f64]) {
-        let Some(first) = signal.first().copied() else { return };
-        self.start(at.current_a[0], first);
-        // The first sample is the settled state; a block that depends on time alone still acts on it.
-        for (current, value) in at.current_a.iter().zip(signal) {
-            *value = self.step(*current, *value);
-        }
-    }
+impl LinearForm {
+    /// An effect that the loop does not feel.
+    pub const NEUTRAL: Self = Self { gain: 1.0, delay_s: 0.0, delay_spread_s: 0.0, lag_s: 0.0 };
+}
+
+/// A channel of a recording that an effect may need besides the current.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Channel {
+    /// Oil temperature, `oil_temp_c`.
+    OilTemperature,
+    /// Supply pressure, `supply_bar`.
+    SupplyPressure,
 }
 
 /// A physical effect that a model can have and a diagnosis can name.
@@ -110,7 +116,37 @@ pub trait Effect: Sync {
     /// Its parameters.
     fn parameters(&self) -> &'static [Parameter];
     /// The effect at work.
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block>;
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block;
+
+    /// Dead time that it adds to that of the valve [s].
+    fn dead_time_s(&self, _: Theta<'_>) -> f64 {
+        0.0
+    }
+
+    /// The shortest time in which its output moves by itself [s]: what follows it must be simulated in steps of that order.
+    fn shortest_s(&self, _: Theta<'_>) -> f64 {
+        f64::INFINITY
+    }
+
+    /// The longest step of the recording up to which it may be simulated sample by sample ahead of the curve [s].
+    fn longest_step_s(&self, _: Theta<'_>) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Whether it is linear and does not change with time, so that its order among others of the kind does not matter.
+    fn is_linear(&self, _: Theta<'_>) -> bool {
+        false
+    }
+
+    /// What it is in the linear loop; `None` where it has no place there.
+    fn linear(&self, _: Theta<'_>) -> Option<LinearForm> {
+        None
+    }
+
+    /// The channel without which it does nothing.
+    fn needs(&self) -> Option<Channel> {
+        None
+    }
 
     /// Further starts of a fit that the residual suggests, besides those of the parameters.
     fn propose(&self, _: &Hint<'_>) -> Vec<Vec<f64>> {
@@ -133,68 +169,6 @@ pub trait Effect: Sync {
         let head = self.source_text().lines().take_while(|l| l.starts_with("//!"));
         head.map(|l| l.trim_start_matches("//!").trim_start_matches(' ')).collect::<Vec<_>>().join("\n")
     }
-}
-
-/// What can be wrong with the physics of a model.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PhysicsError {
-    /// No effect of that id.
-    #[error("no effect `{id}`{hint}; there are: {known}")]
-    UnknownEffect {
-        /// The id as typed.
-        id: String,
-        /// "did you mean" or nothing.
-        hint: String,
-        /// The known ids.
-        known: String,
-    },
-    /// No parameter of that name.
-    #[error("effect `{effect}` has no parameter `{name}`; there are: {known}")]
-    UnknownParameter {
-        /// The effect.
-        effect: String,
-        /// The name as typed.
-        name: String,
-        /// The known names.
-        known: String,
-    },
-    /// A parameter that has no default is not given.
-    #[error("effect `{effect}` wants its parameter `{name}` ({meaning})")]
-    MissingParameter {
-        /// The effect.
-        effect: String,
-        /// The parameter.
-        name: String,
-        /// Its meaning.
-        meaning: String,
-    },
-    /// A value that is no quantity of the wanted dimension.
-    #[error("effect `{effect}`, parameter `{name}`: {source}")]
-    Quantity {
-        /// The effect.
-        effect: String,
-        /// The parameter.
-        name: String,
-        /// What is wrong.
-        source: Box<crate::units::UnitError>,
-    },
-    /// A value outside what physics allows.
-    #[error("effect `{effect}`, parameter `{name}`: {value} is outside {low} to {high}")]
-    OutOfRange {
-        /// The effect.
-        effect: String,
-        /// The parameter.
-        name: String,
-        /// The value with its unit.
-        value: String,
-        /// Smallest allowed value.
-        low: String,
-        /// Largest allowed value.
-        high: String,
-    },
-    /// Times that do not increase, or no samples.
-    #[error("{0}")]
-    Input(String),
 }
 
 /// What the residual of the present model looks like, for an effect to propose where its fit begins.

@@ -5,7 +5,8 @@
 //! Model: while the piston moves (0 < x < 1) the pressure is plateau + spring x (or less, where less is asked for);
 //! it moves with x' = sgn(d) (|d| / 1 bar)^(1/2) / time, d = P0 - pressure, and falls back likewise when P0 is
 //! below the plateau: there the pressure is P0 + hold (plateau + spring x - P0), as the return spring pushes the oil
-//! out. With the clutch full the pressure is P0. A run begins with the clutch empty.
+//! out. The drag of the piston adds to the plateau on the way in and takes from it on the way out; between the two the
+//! piston stands. With the clutch full the pressure is P0. A run begins with the clutch empty.
 //!
 //! Signature: only from empty: a rise, a plateau at the kiss point, then a fast rise.
 //!
@@ -13,7 +14,8 @@
 //!
 //! Source: US patent 7,574,906 (fill volume); Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Dynamic, Point, Step};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `fill_phase`.
@@ -30,7 +32,7 @@ impl Effect for FillPhase {
         Stage::Chamber
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 5] = [
+        static PARAMETERS: [Parameter; 6] = [
             Parameter {
                 name: "plateau",
                 unit: &PRESSURE,
@@ -71,57 +73,107 @@ impl Effect for FillPhase {
                 default: Some(0.0),
                 meaning: "share of the return spring's pressure that shows while the clutch drains",
             },
+            Parameter {
+                name: "drag",
+                unit: &PRESSURE,
+                range: (0.0, 5.0),
+                starts: &[0.0],
+                default: Some(0.0),
+                meaning: "pressure that the friction of the piston's seals takes, either way",
+            },
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Fill {
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        // An excess of some 25 bar fills five times as fast as one of 1 bar.
+        0.2 * theta[1]
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        Block::dynamic(Fill {
             plateau: theta[0],
-            rate: context.dt_s / theta[1] / SUBSTEPS as f64,
+            rate: context.dt_s / theta[1],
             spring: theta[2],
             drain: theta[3],
             hold: theta[4],
+            drag: theta[5],
+            left: context.arrival.left(),
             stroke: 0.0,
-            before: 0.0,
         })
     }
 }
 
-/// Steps of the piston within one sample.
-const SUBSTEPS: usize = 4;
+/// Input that changes by more than this within a step is taken in parts [bar].
+const RESOLUTION_BAR: f64 = 0.2;
 
 struct Fill {
     plateau: f64,
+    /// Stroke per step at 1 bar.
     rate: f64,
     spring: f64,
     drain: f64,
     hold: f64,
+    drag: f64,
+    left: f64,
     stroke: f64,
-    before: f64,
 }
 
-impl Block for Fill {
-    fn start(&mut self, _: f64, input: f64) {
-        (self.stroke, self.before) = (0.0, input);
+impl Fill {
+    /// Pressure of the return spring at this stroke [bar].
+    fn against(&self, stroke: f64) -> f64 {
+        self.plateau + self.spring * stroke
+    }
+
+    /// The pressure that shows while `input` is asked for.
+    fn shown(&self, input: f64, stroke: f64) -> f64 {
+        let inside = self.against(stroke);
+        if input >= inside + self.drag {
+            if stroke >= 1.0 { input } else { inside + self.drag }
+        } else if input <= inside - self.drag && stroke > 0.0 {
+            input + self.hold * (inside - self.drag - input)
+        } else {
+            input
+        }
+    }
+
+    /// The piston moves for `share` of a step while the input stands; returns the integral of the pressure.
+    fn move_for(&mut self, input: f64, share: f64) -> f64 {
+        let alone = input - self.against(self.stroke);
+        // Friction takes its part of what drives the piston, and holds it where no more is there.
+        let excess = if alone > 0.0 { (alone - self.drag).max(0.0) } else { (alone + self.drag).min(0.0) };
+        let (speed, end) = if excess >= 0.0 { (self.rate, 1.0) } else { (self.rate * self.drain, 0.0) };
+        if self.stroke == end || excess == 0.0 {
+            return share * self.shown(input, self.stroke);
+        }
+        // The root of the excess falls at a constant pace, as the spring takes it up on the way.
+        let (root, pace) = (excess.abs().sqrt(), 0.5 * self.spring * speed);
+        let travel =
+            |time: f64| if pace > 1e-12 { ((2.0 * root - pace * time) * time * speed).max(0.0) * 0.5 } else { root * speed * time };
+        let stops = if pace > 1e-12 { root / pace } else { f64::INFINITY };
+        let way = (end - self.stroke).abs();
+        let direction = if end > 0.5 { 1.0 } else { -1.0 };
+        // 2 way = (2 root - pace t) t speed, solved for the time at which the end of the stroke is reached.
+        let left = root * root - 2.0 * pace * way / speed;
+        let arrives = if left < 0.0 { f64::INFINITY } else { 2.0 * way / speed / (root + left.sqrt()) };
+        let time = share.min(stops).min(arrives);
+        let before = self.stroke;
+        self.stroke = if time == arrives { end } else { (before + direction * travel(time)).clamp(0.0, 1.0) };
+        let middle = (before + direction * travel(0.5 * time)).clamp(1e-12, 1.0 - 1e-12);
+        time * self.shown(input, middle) + (share - time) * self.shown(input, self.stroke)
+    }
+}
+
+impl Dynamic for Fill {
+    fn start(&mut self, _: &Point, _: f64) {
+        self.stroke = 0.0;
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        if self.stroke >= 1.0 && input >= self.plateau + self.spring {
-            self.before = input;
+    fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
+        let full = self.plateau + self.spring;
+        if self.stroke >= 1.0 && from >= full && input.to >= full && input.mean >= full {
             return input;
         }
-        for k in 1..=SUBSTEPS {
-            let drive = self.before + (input - self.before) * k as f64 / SUBSTEPS as f64;
-            let excess = drive - (self.plateau + self.spring * self.stroke);
-            let speed = excess.abs().sqrt().copysign(excess) * if excess < 0.0 { self.drain } else { 1.0 };
-            self.stroke = (self.stroke + self.rate * speed).clamp(0.0, 1.0);
-        }
-        self.before = input;
-        let inside = self.plateau + self.spring * self.stroke;
-        match self.stroke {
-            full if full >= 1.0 && input >= inside => input,
-            empty if empty <= 0.0 => input.min(inside),
-            _ => inside.min(input + self.hold * (inside - input).max(0.0)),
-        }
+        let mut mean = 0.0;
+        input.pieces(from, self.left, RESOLUTION_BAR, |share, a, b| mean += self.move_for(0.5 * (a + b), share));
+        Step { to: self.shown(input.to, self.stroke), mean, jump: 0.0 }
     }
 }

@@ -11,9 +11,10 @@
 //!
 //! Source: paper, Eq. (12), k e^(-T_d s) / (tau s + 1); orifice: Merritt, Wiley 1967, section 3.3.
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Dynamic, Point, Step};
+use super::effect::{Context, Effect, LinearForm, Parameter, Stage, Theta};
+use super::flow::{Flow, RESOLUTION_BAR};
 use super::linear::FirstOrder;
-use super::power::Power;
 use crate::units::{RATIO, TIME};
 
 /// The effect `first_order_lag`.
@@ -50,50 +51,49 @@ impl Effect for FirstOrderLag {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        if theta[1] > 0.999 {
-            Box::new(Linear(FirstOrder::new(theta[0], context.dt_s)))
+    fn is_linear(&self, theta: Theta<'_>) -> bool {
+        theta[1] > LINEAR
+    }
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        theta[0]
+    }
+    fn linear(&self, theta: Theta<'_>) -> Option<LinearForm> {
+        Some(LinearForm { lag_s: theta[0], ..LinearForm::NEUTRAL })
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        if theta[1] > LINEAR {
+            Block::dynamic(FirstOrder::new(theta[0], context.dt_s, context.arrival))
         } else {
-            let loss = 1.0 - theta[1];
-            let (less, back) = (Power::new(loss), Power::new(1.0 / loss));
-            Box::new(Orifice { less, back, step: loss * context.dt_s / theta[0], input: 0.0, output: 0.0 })
+            let step = context.dt_s / theta[0];
+            Block::dynamic(Restricted { flow: Flow::new(theta[1]), step, left: context.arrival.left(), output: 0.0 })
         }
     }
 }
 
-/// A linear lag as a block.
-pub(super) struct Linear(pub FirstOrder);
+/// An exponent from here on is 1.
+pub(super) const LINEAR: f64 = 0.999;
 
-impl Block for Linear {
-    fn start(&mut self, _: f64, input: f64) {
-        self.0.start(input);
-    }
-    #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        self.0.step(input)
-    }
-}
-
-/// The lag of an orifice: solved exactly for the mean input of the step, it reaches its target in finite time.
-struct Orifice {
-    less: Power,
-    back: Power,
+/// A chamber behind a restriction that is not laminar.
+struct Restricted {
+    flow: Flow,
     step: f64,
-    input: f64,
+    left: f64,
     output: f64,
 }
 
-impl Block for Orifice {
-    fn start(&mut self, _: f64, input: f64) {
-        (self.input, self.output) = (input, input);
+impl Dynamic for Restricted {
+    fn start(&mut self, _: &Point, input: f64) {
+        self.output = input;
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        let target = 0.5 * (self.input + input);
-        self.input = input;
-        let away = self.output - target;
-        let left = (self.less.of(away.abs()) - self.step).max(0.0);
-        self.output = target + self.back.of(left).copysign(away);
-        self.output
+    fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
+        let mut mean = 0.0;
+        input.pieces(from, self.left, RESOLUTION_BAR, |share, a, b| {
+            let target = 0.5 * (a + b);
+            let (output, sum) = self.flow.towards(target, self.output, share * self.step);
+            self.output = output;
+            mean += share * target + sum / self.step;
+        });
+        Step { to: self.output, mean, jump: 0.0 }
     }
 }

@@ -12,7 +12,8 @@
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice flow into a volume).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Dynamic, Point, Step};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use crate::units::{PRESSURE_RATE, RATIO};
 
 /// The effect `flow_limit`.
@@ -57,14 +58,22 @@ impl Effect for FlowLimit {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        // When the limited pressure meets its target must be known to a part of a bar.
+        0.7 / theta[0].max(theta[1])
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
-        Box::new(Limit {
+        let supply_bar = 1.5 * span_bar;
+        let shape = theta[2];
+        let free = theta[0].min(theta[1]) * context.dt_s * if shape > 0.0 { LEAST_SHARE.powf(shape) } else { 1.0 };
+        Block::dynamic(Limit {
             rise: theta[0] * context.dt_s,
             fall: theta[1] * context.dt_s,
-            shape: theta[2],
-            per_supply: 1.0 / (1.5 * span_bar),
-            free: theta[0].min(theta[1]) * context.dt_s * if theta[2] > 0.0 { LEAST_SHARE.powf(theta[2]) } else { 1.0 },
+            shape,
+            supply_bar,
+            free,
+            left: context.arrival.left(),
             output: 0.0,
         })
     }
@@ -72,31 +81,105 @@ impl Effect for FlowLimit {
 
 /// Least share of the supply's pressure that still drives: a flow never ends before its target is reached.
 const LEAST_SHARE: f64 = 0.02;
+/// Parts of a step in which the limited pressure may catch up with its target.
+const PARTS: f64 = 16.0;
 
 struct Limit {
+    /// Fastest rise and fall [bar per step].
     rise: f64,
     fall: f64,
     shape: f64,
-    per_supply: f64,
+    supply_bar: f64,
+    /// A change per step at which neither limit binds at any pressure [bar].
     free: f64,
+    left: f64,
     output: f64,
 }
 
-impl Block for Limit {
-    fn start(&mut self, _: f64, input: f64) {
+impl Limit {
+    /// From `output` as far towards `target` as the limits let it in `share` of a step, and the integral over it.
+    #[inline]
+    fn towards(&self, target: f64, output: f64, share: f64) -> (f64, f64) {
+        let up = target > output;
+        // The driving share of the supply falls while the pressure rises, and with it when it falls.
+        let (rate, per_bar, drive) = if up {
+            (self.rise, -1.0 / self.supply_bar, 1.0 - output / self.supply_bar)
+        } else {
+            (self.fall, 4.0 / self.supply_bar, 4.0 * output / self.supply_bar)
+        };
+        let way = (target - output).abs();
+        let direction = if up { 1.0 } else { -1.0 };
+        let (reach, needed) = if self.shape == 0.0 {
+            (rate * share, way / rate)
+        } else {
+            let slope = per_bar.abs();
+            let drives = Drives { shape: self.shape, drive, pace: rate * slope };
+            (drives.lost(share) / slope, drives.time(way * slope))
+        };
+        if reach >= way {
+            let time = needed.min(share);
+            return (target, 0.5 * time * (output + target) + (share - time) * target);
+        }
+        let end = output + direction * reach;
+        (end, 0.5 * share * (output + end))
+    }
+}
+
+/// The share of the supply's pressure that drives, w' = -pace max(w, least)^shape.
+struct Drives {
+    shape: f64,
+    drive: f64,
+    pace: f64,
+}
+
+impl Drives {
+    /// A primitive of w^-shape: it falls at a constant pace.
+    fn primitive(&self, w: f64) -> f64 {
+        if self.shape > 0.999 { w.ln() } else { w.powf(1.0 - self.shape) / (1.0 - self.shape) }
+    }
+    fn inverse(&self, primitive: f64) -> f64 {
+        if self.shape > 0.999 { primitive.exp() } else { (primitive * (1.0 - self.shape)).max(0.0).powf(1.0 / (1.0 - self.shape)) }
+    }
+    /// How much of it is lost after a time.
+    fn lost(&self, time: f64) -> f64 {
+        let slow = self.pace * LEAST_SHARE.powf(self.shape);
+        if self.drive <= LEAST_SHARE {
+            return slow * time;
+        }
+        let least = (self.primitive(self.drive) - self.primitive(LEAST_SHARE)) / self.pace;
+        if time >= least {
+            return self.drive - LEAST_SHARE + slow * (time - least);
+        }
+        self.drive - self.inverse(self.primitive(self.drive) - self.pace * time)
+    }
+    /// The time after which so much of it is lost.
+    fn time(&self, lost: f64) -> f64 {
+        let slow = self.pace * LEAST_SHARE.powf(self.shape);
+        let above = (self.drive - LEAST_SHARE).clamp(0.0, lost);
+        let fast = if above > 0.0 { (self.primitive(self.drive) - self.primitive(self.drive - above)) / self.pace } else { 0.0 };
+        fast + (lost - above) / slow
+    }
+}
+
+impl Dynamic for Limit {
+    fn start(&mut self, _: &Point, input: f64) {
         self.output = input;
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        let wanted = input - self.output;
-        let level = self.output * self.per_supply;
-        // The limits never bind below this.
-        if wanted.abs() <= self.free {
-            self.output = input;
+    fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
+        let change = (input.to - from).abs();
+        let bow = (input.mean - 0.5 * (from + input.to)).abs();
+        if input.jump == 0.0 && self.output == from && change + 6.0 * bow <= self.free {
+            self.output = input.to;
             return input;
         }
-        let scale = |share: f64| if self.shape > 0.0 { share.max(LEAST_SHARE).powf(self.shape) } else { 1.0 };
-        self.output += if wanted > 0.0 { wanted.min(self.rise * scale(1.0 - level)) } else { wanted.max(-self.fall * scale(4.0 * level)) };
-        self.output
+        let mut mean = 0.0;
+        let most = change.max(input.jump.abs()).max(bow) / PARTS;
+        input.pieces(from, self.left, most.max(self.free), |share, _, b| {
+            let (output, sum) = self.towards(b, self.output, share);
+            self.output = output;
+            mean += sum;
+        });
+        Step { to: self.output, mean, jump: 0.0 }
     }
 }

@@ -12,7 +12,8 @@
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, sections 3.2 and 3.3 (laminar and orifice flow).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Dynamic, Point, Pointwise, Step};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
 use super::power::Power;
 use crate::units::{PRESSURE, RATIO, TIME};
@@ -59,31 +60,69 @@ impl Effect for Leakage {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Leak { loss: theta[0], power: Power::new(theta[1]), lost: FirstOrder::new(theta[2], context.dt_s) })
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        if theta[2] > AT_ONCE_S { theta[2] } else { f64::INFINITY }
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        let loss = Loss { loss: theta[0], power: Power::new(theta[1]) };
+        if theta[2] <= AT_ONCE_S {
+            return Block::pointwise(AtOnce(loss));
+        }
+        Block::dynamic(Late {
+            loss,
+            left: context.arrival.left(),
+            lost: FirstOrder::new(theta[2], context.dt_s, context.arrival),
+            last: 0.0,
+        })
     }
 }
 
-struct Leak {
+/// A loss that builds up faster than this is there at once [s].
+const AT_ONCE_S: f64 = 1e-4;
+
+struct Loss {
     loss: f64,
     power: Power,
-    lost: FirstOrder,
 }
 
-impl Leak {
+impl Loss {
+    #[inline]
     fn at(&self, pressure: f64) -> f64 {
         if pressure > 0.0 { self.loss * self.power.of(pressure * 0.1) } else { 0.0 }
     }
 }
 
-impl Block for Leak {
-    fn start(&mut self, _: f64, input: f64) {
-        let settled = self.at(input);
-        self.lost.start(settled);
+struct AtOnce(Loss);
+
+impl Pointwise for AtOnce {
+    fn start(&mut self, _: &Point, _: f64) {}
+    #[inline]
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
+        input - self.0.at(input)
+    }
+}
+
+struct Late {
+    loss: Loss,
+    left: f64,
+    lost: FirstOrder,
+    /// The loss that the pressure before asked for.
+    last: f64,
+}
+
+impl Dynamic for Late {
+    fn start(&mut self, _: &Point, input: f64) {
+        self.last = self.loss.at(input);
+        self.lost.settle(self.last);
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        let now = self.at(input);
-        input - self.lost.step(now)
+    fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
+        let asked = self.loss.at(input.to);
+        // The loss follows the pressure through its jump; what is smooth is taken as a straight line.
+        let jump = if input.jump == 0.0 { 0.0 } else { self.loss.at(from + input.jump) - self.last };
+        let mean = 0.5 * (self.last + asked - jump) + self.left * jump;
+        let (to, lost) = self.lost.advance(self.last, Step { to: asked, mean, jump });
+        self.last = asked;
+        Step { to: input.to - to, mean: input.mean - lost, jump: input.jump }
     }
 }

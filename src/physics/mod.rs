@@ -4,13 +4,19 @@
 //! any model. `run --sim`, `simulate`, `identify` and `diagnose` all use this one pipeline.
 
 mod air_entrainment;
+mod block;
+mod chain;
 mod coil_heating;
 mod course;
 mod creep;
+mod delay;
 mod delay_jitter;
 mod effect;
+mod error;
 mod fill_phase;
+mod finite;
 mod first_order_lag;
+mod flow;
 mod flow_limit;
 mod leakage;
 mod linear;
@@ -23,6 +29,7 @@ mod rate_dependent_hysteresis;
 mod reference_drift;
 mod reference_shape;
 mod reference_shift;
+mod resolve;
 mod reversal_dead_band;
 mod sag;
 mod second_order_resonance;
@@ -30,16 +37,22 @@ mod sensor_drift;
 mod sensor_lag;
 mod sensor_outliers;
 mod sensor_quantization;
+mod simulate;
 mod staircase;
 mod stiction;
 mod supply_saturation;
 mod transport_delay;
 
-pub use course::{Misfit, simulate_course};
-pub use effect::{Block, Context, Effect, Hint, Kind, Parameter, PhysicsError, Scatter, ScatterFinding, Signals, Stage, Theta};
-pub use linear::{DelayLine, FirstOrder, SecondOrder};
-pub use pipeline::{Pipeline, resolve, simulate, specification};
+pub use block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Step};
+pub use course::{Misfit, signals, simulate_course};
+pub use delay::{Delay, DelayLine};
+pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Parameter, Scatter, ScatterFinding, Stage, Theta};
+pub use error::PhysicsError;
+pub use linear::{FirstOrder, SecondOrder};
+pub use pipeline::Pipeline;
 pub use plant::Plant;
+pub use resolve::{resolve, specification};
+pub use simulate::{simulate, simulate_with};
 
 /// Every effect that a model can have and a diagnosis can name. Adding one: a file, and its line here.
 pub const EFFECTS: &[&dyn Effect] = &[

@@ -11,7 +11,8 @@
 //!
 //! Source: Krejci and Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185 (Prandtl-Ishlinskii operator).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::reversal_dead_band::Play;
 use crate::units::{CURRENT, PRESSURE_PER_CURRENT, RATIO};
 
@@ -60,13 +61,13 @@ impl Effect for NonlocalMemory {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, _: &Context) -> Box<dyn Block> {
+    fn block(&self, theta: Theta<'_>, _: &Context) -> Block {
         let share: f64 = (0..PLAYS as i32).map(|j| theta[2].powi(j)).sum();
         let plays = std::array::from_fn(|j| {
             let (scale, weight) = (f64::from(1u32 << j), theta[0] * theta[2].powi(j as i32) / share);
             (weight, Play { radius: theta[1] * scale, position: 0.0 })
         });
-        Box::new(Memory { plays })
+        Block::pointwise(Memory { plays })
     }
 }
 
@@ -74,14 +75,14 @@ struct Memory {
     plays: [(f64, Play); PLAYS],
 }
 
-impl Block for Memory {
-    fn start(&mut self, current_a: f64, _: f64) {
+impl Pointwise for Memory {
+    fn start(&mut self, at: &Point, _: f64) {
         for (_, play) in &mut self.plays {
-            play.start(current_a, current_a);
+            play.start(at, at.current_a);
         }
     }
     #[inline]
-    fn step(&mut self, current_a: f64, input: f64) -> f64 {
-        self.plays.iter_mut().fold(input, |sum, (weight, play)| sum + *weight * (play.step(current_a, current_a) - current_a))
+    fn step(&mut self, at: &Point, input: f64) -> f64 {
+        self.plays.iter_mut().fold(input, |sum, (weight, play)| sum + *weight * (play.step(at, at.current_a) - at.current_a))
     }
 }

@@ -10,7 +10,8 @@
 //!
 //! Source: Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., section 4.2 (aliasing).
 
-use super::effect::{Block, Context, Effect, Hint, Parameter, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
 use crate::units::{FREQUENCY, PRESSURE};
 
 /// The effect `periodic_disturbance`.
@@ -59,11 +60,11 @@ impl Effect for PeriodicDisturbance {
     fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
         strongest_line(hint).into_iter().map(|(f, s, c)| vec![f, s, c]).collect()
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let w = std::f64::consts::TAU * theta[0];
         let turn = w * context.dt_s;
         let phase = w * context.start_s;
-        Box::new(Tone { sine: theta[1], cosine: theta[2], turn: (turn.sin(), turn.cos()), now: (phase.sin(), phase.cos()) })
+        Block::pointwise(Tone { sine: theta[1], cosine: theta[2], turn: (turn.sin(), turn.cos()), now: (phase.sin(), phase.cos()) })
     }
 }
 
@@ -74,10 +75,10 @@ struct Tone {
     now: (f64, f64),
 }
 
-impl Block for Tone {
-    fn start(&mut self, _: f64, _: f64) {}
+impl Pointwise for Tone {
+    fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         let (s, c) = self.now;
         self.now = (s * self.turn.1 + c * self.turn.0, c * self.turn.1 - s * self.turn.0);
         input + self.sine * s + self.cosine * c
@@ -85,7 +86,7 @@ impl Block for Tone {
 }
 
 /// Frequency [Hz], sine and cosine amplitude [bar] of the line that stands highest above its neighbourhood.
-fn strongest_line(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
+pub(super) fn strongest_line(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
     let n = hint.residual_bar.len();
     if n < 256 {
         return None;

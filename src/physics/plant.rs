@@ -4,22 +4,30 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
-use super::effect::{Block, PhysicsError, Stage};
-use super::linear::{DelayLine, FirstOrder};
+use super::block::{Point, Pointwise, Signals};
+use super::chain::Chain;
+use super::delay::{Delay, DelayLine};
+use super::error::PhysicsError;
 use super::pipeline::Pipeline;
 use crate::valve::{HyperbolaState, Hysteresis, ReferenceCurves, Valve};
 
-/// A simulated valve: a command in, a measured pressure out, one period later.
+/// A simulated valve: a command in, which it holds until the next one, and the pressure measured at the instant of the
+/// message.
 pub struct Plant {
     curves: ReferenceCurves,
     hysteresis: Hysteresis,
     state: Option<HyperbolaState>,
+    messages: Vec<Box<dyn Pointwise>>,
     delay: DelayLine,
-    before: Vec<(Stage, Box<dyn Block>)>,
-    after: Vec<(Stage, Box<dyn Block>)>,
-    floor_bar: f64,
-    lag: FirstOrder,
+    coil: Vec<Box<dyn Pointwise>>,
+    chain: Chain,
     noise: Option<(Pcg64, Normal<f64>)>,
+    oil_temp_c: Option<f64>,
+    supply_bar: Option<f64>,
+    /// The command that the driver holds [A].
+    command_a: f64,
+    /// Simulated steps per period.
+    parts: usize,
     /// Blocks settle at their first input, as they do in a whole simulation.
     started: bool,
 }
@@ -31,19 +39,11 @@ impl Plant {
     /// [`PhysicsError`] where an effect of the valve is not known or out of range.
     pub fn new(valve: &Valve, period_s: f64, start_current_a: f64, seed: Option<u64>) -> Result<Self, PhysicsError> {
         let pipeline = Pipeline::of(valve)?;
+        let parts = pipeline.parts(period_s);
+        let period_s = period_s / parts as f64;
         let context = pipeline.context(0.0, period_s, seed);
-        let extra: f64 = pipeline.effects.iter().filter(|(e, _)| e.id() == "transport_delay").map(|(_, theta)| theta[0]).sum();
-        let mut delay = DelayLine::new((valve.delay_s + extra).max(0.0), period_s);
-        delay.start(start_current_a);
-        let (mut before, mut after) = (Vec::new(), Vec::new());
-        let mut ordered: Vec<_> = pipeline.effects.iter().collect();
-        ordered.sort_by_key(|(e, _)| e.stage());
-        for (effect, theta) in ordered {
-            match effect.stage() {
-                stage @ (Stage::Delay | Stage::Coil | Stage::Spool) => before.push((stage, effect.block(theta, &context))),
-                stage => after.push((stage, effect.block(theta, &context))),
-            }
-        }
+        let delay = DelayLine::new(Delay::new(pipeline.dead_time_s(), period_s, pipeline.input), start_current_a);
+        let [messages, coil] = pipeline.current_blocks(&context);
         let noise = seed.filter(|_| valve.noise_bar > 0.0).and_then(|seed| {
             let normal = Normal::new(0.0, valve.noise_bar).ok()?;
             Some((Pcg64::seed_from_u64(seed), normal))
@@ -52,52 +52,66 @@ impl Plant {
             curves: valve.curves.clone(),
             hysteresis: valve.hysteresis,
             state: None,
+            messages,
             delay,
-            before,
-            after,
-            floor_bar: valve.floor_bar.unwrap_or(f64::NEG_INFINITY),
-            lag: FirstOrder::new(valve.lag_s, period_s),
+            coil,
+            chain: pipeline.chain(&context),
             noise,
+            oil_temp_c: None,
+            supply_bar: None,
+            parts,
+            command_a: start_current_a,
             started: false,
         })
     }
 
-    /// The measured pressure one period after `command_a` was applied [bar].
+    /// From now on the oil has this temperature [degC] and the supply this pressure [bar], for the effects that use them.
+    pub fn surround(&mut self, oil_temp_c: Option<f64>, supply_bar: Option<f64>) {
+        (self.oil_temp_c, self.supply_bar) = (oil_temp_c, supply_bar);
+    }
+
+    /// The pressure measured as `command_a` arrives at the driver, one period after the last call [bar].
     pub fn step(&mut self, command_a: f64) -> f64 {
-        let settle = !std::mem::replace(&mut self.started, true);
-        let mut current = self.delay.step(command_a);
-        for (_, block) in &mut self.before {
-            if settle {
-                block.start(current, current);
-            }
-            current = block.step(current, current);
+        // The last command has stood for all of the period but its end.
+        let held_a = std::mem::replace(&mut self.command_a, command_a);
+        for _ in 1..if self.started { self.parts } else { 1 } {
+            self.advance(held_a);
         }
-        if let (true, Hysteresis::Hyperbolic { a_bar2 }) = (settle, self.hysteresis) {
-            self.state = Some(HyperbolaState::start(a_bar2, current, self.curves.average_at(current)));
-        }
-        let pressure = match &mut self.state {
-            Some(state) => state.advance(&self.curves, current),
-            None => self.curves.average_at(current),
-        };
-        let chamber = self.after.partition_point(|(stage, _)| *stage < Stage::Chamber);
-        let (changes, dynamics) = self.after.split_at_mut(chamber);
-        let pass = |blocks: &mut [(Stage, Box<dyn Block>)], mut pressure: f64| {
-            for (_, block) in blocks {
-                if settle {
-                    block.start(current, pressure);
-                }
-                pressure = block.step(current, pressure);
-            }
-            pressure
-        };
-        let pressure = pass(changes, pressure).max(self.floor_bar);
-        if settle {
-            self.lag.start(pressure);
-        }
-        let pressure = pass(dynamics, self.lag.step(pressure));
+        let pressure_bar = self.advance(command_a);
         match &mut self.noise {
-            Some((random, normal)) => pressure + normal.sample(random),
-            None => pressure,
+            Some((random, normal)) => pressure_bar + normal.sample(random),
+            None => pressure_bar,
         }
+    }
+
+    /// One simulated step.
+    fn advance(&mut self, command_a: f64) -> f64 {
+        let settle = !std::mem::replace(&mut self.started, true);
+        let (oil_temp_c, supply_bar) = (self.oil_temp_c, self.supply_bar);
+        let pass = |blocks: &mut [Box<dyn Pointwise>], mut current_a: f64| {
+            for block in blocks {
+                let at = Point { current_a, oil_temp_c: oil_temp_c.unwrap_or(f64::NAN), supply_bar: supply_bar.unwrap_or(f64::NAN) };
+                if settle {
+                    block.start(&at, current_a);
+                }
+                current_a = block.step(&at, current_a);
+            }
+            current_a
+        };
+        let sent = pass(&mut self.messages, command_a);
+        let arrived = self.delay.step(sent);
+        let current_a = pass(&mut self.coil, arrived);
+        if let (true, Hysteresis::Hyperbolic { a_bar2 }) = (settle, self.hysteresis) {
+            self.state = Some(HyperbolaState::start(a_bar2, current_a, self.curves.average_at(current_a)));
+        }
+        let mut pressure = [match &mut self.state {
+            Some(state) => state.advance(&self.curves, current_a),
+            None => self.curves.average_at(current_a),
+        }];
+        let channel = |value: &Option<f64>| value.map(|v| [v]);
+        let (oil, supply) = (channel(&self.oil_temp_c), channel(&self.supply_bar));
+        let at = Signals { current_a: &[current_a], oil_temp_c: oil.as_ref().map(|o| &o[..]), supply_bar: supply.as_ref().map(|s| &s[..]) };
+        self.chain.run(&at, &mut pressure);
+        pressure[0]
     }
 }

@@ -12,7 +12,8 @@
 //! Source: paper, discussion of the error due to oil temperature; Merritt, Hydraulic Control Systems, Wiley 1967,
 //! section 2.2 (viscosity and temperature).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `reference_drift`.
@@ -57,8 +58,8 @@ impl Effect for ReferenceDrift {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Drift { gain: theta[0], offset: theta[1], change: SlowChange::new(theta[2], context) })
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        Block::pointwise(Drift { gain: theta[0], offset: theta[1], change: SlowChange::new(theta[2], context) })
     }
 }
 
@@ -90,10 +91,10 @@ struct Drift {
     change: SlowChange,
 }
 
-impl Block for Drift {
-    fn start(&mut self, _: f64, _: f64) {}
+impl Pointwise for Drift {
+    fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         let s = self.change.step();
         input + s * (self.gain * input + self.offset)
     }

@@ -10,7 +10,8 @@
 //!
 //! Source: de Boor, A Practical Guide to Splines, Springer 2001, chapter III (broken lines).
 
-use super::effect::{Block, Context, Effect, Kind, Parameter, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Kind, Parameter, Stage, Theta};
 use crate::units::PRESSURE;
 
 /// The effect `reference_shape`.
@@ -47,11 +48,11 @@ impl Effect for ReferenceShape {
             [knot("k1"), knot("k2"), knot("k3"), knot("k4"), knot("k5"), knot("k6"), knot("k7"), knot("k8")];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let mut knots = [0.0; KNOTS];
         knots.copy_from_slice(theta);
         let (low, high) = context.range_a;
-        Box::new(Shape { knots, low, per_a: (KNOTS - 1) as f64 / (high - low) })
+        Block::pointwise(Shape { knots, low, per_a: (KNOTS - 1) as f64 / (high - low) })
     }
 }
 
@@ -61,11 +62,11 @@ struct Shape {
     per_a: f64,
 }
 
-impl Block for Shape {
-    fn start(&mut self, _: f64, _: f64) {}
+impl Pointwise for Shape {
+    fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, current_a: f64, input: f64) -> f64 {
-        let x = ((current_a - self.low) * self.per_a).clamp(0.0, (KNOTS - 1) as f64);
+    fn step(&mut self, at: &Point, input: f64) -> f64 {
+        let x = ((at.current_a - self.low) * self.per_a).clamp(0.0, (KNOTS - 1) as f64);
         let k = (x as usize).min(KNOTS - 2);
         let part = x - k as f64;
         input + self.knots[k] + part * (self.knots[k + 1] - self.knots[k])

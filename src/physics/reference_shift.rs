@@ -13,7 +13,8 @@
 //!
 //! Source: paper, "error due to oil temperature" of the two clutches.
 
-use super::effect::{Block, Context, Effect, Hint, Parameter, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `reference_shift`.
@@ -70,9 +71,9 @@ impl Effect for ReferenceShift {
         // What a recalibration would stand in for.
         vec![vec![hint.recalibrated.0, hint.recalibrated.1, 0.0, 0.0]]
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
-        Box::new(Shift {
+        Block::pointwise(Shift {
             gain: theta[0],
             offset: theta[1],
             wait: ((theta[2] - context.start_s) / context.dt_s).ceil() as i64,
@@ -90,10 +91,10 @@ struct Shift {
     per_span: f64,
 }
 
-impl Block for Shift {
-    fn start(&mut self, _: f64, _: f64) {}
+impl Pointwise for Shift {
+    fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         if self.wait > 0 {
             self.wait -= 1;
             return input;

@@ -11,7 +11,8 @@
 //!
 //! Source: play operator, Brokate and Sprekels, Hysteresis and Phase Transitions, Springer 1996, section 2.3.
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use crate::units::CURRENT;
 
 /// The effect `reversal_dead_band`.
@@ -38,8 +39,8 @@ impl Effect for ReversalDeadBand {
         }];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, _: &Context) -> Box<dyn Block> {
-        Box::new(Play { radius: 0.5 * theta[0], position: 0.0 })
+    fn block(&self, theta: Theta<'_>, _: &Context) -> Block {
+        Block::pointwise(Play { radius: 0.5 * theta[0], position: 0.0 })
     }
 }
 
@@ -51,12 +52,12 @@ pub(super) struct Play {
     pub position: f64,
 }
 
-impl Block for Play {
-    fn start(&mut self, _: f64, input: f64) {
+impl Pointwise for Play {
+    fn start(&mut self, _: &Point, input: f64) {
         self.position = input;
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         self.position = self.position.max(input - self.radius).min(input + self.radius);
         self.position
     }

@@ -11,8 +11,10 @@
 //!
 //! Source: Ogata, Modern Control Engineering, 5th ed., section 5-3; Merritt, Wiley 1967, chapter 6.
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::Block;
+use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
 use super::linear::SecondOrder;
+use super::periodic_disturbance::strongest_line;
 use crate::units::{FREQUENCY, RATIO};
 
 /// The effect `second_order_resonance`.
@@ -49,19 +51,25 @@ impl Effect for SecondOrderResonance {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Swing(SecondOrder::new(theta[0], theta[1], context.dt_s)))
+    /// Where the residual rings, and the band above the starts up to what the sampling carries.
+    fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
+        let highest_hz = (CARRIED / hint.dt_s).min(200.0);
+        let above = (1..).map(|k| 25.0 * RATIO_OF_STARTS.powi(k)).take_while(|f| *f < highest_hz);
+        let ringing = strongest_line(hint).map(|line| line.0).filter(|f| (0.3..highest_hz).contains(f));
+        above.map(|f| vec![f, 0.1]).chain(ringing.into_iter().flat_map(|f| [0.06, 0.2].map(|zeta| vec![f, zeta]))).collect()
+    }
+    fn is_linear(&self, _: Theta<'_>) -> bool {
+        true
+    }
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        1.0 / (std::f64::consts::TAU * theta[0])
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        Block::dynamic(SecondOrder::new(theta[0], theta[1], context.dt_s, context.arrival))
     }
 }
 
-struct Swing(SecondOrder);
-
-impl Block for Swing {
-    fn start(&mut self, _: f64, input: f64) {
-        self.0.start(input);
-    }
-    #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        self.0.step(input)
-    }
-}
+/// Highest frequency that the sampling carries, in units of the sampling rate.
+const CARRIED: f64 = 0.45;
+/// Ratio of neighbouring starts: a resonance of moderate damping is found from either side.
+const RATIO_OF_STARTS: f64 = 1.4;

@@ -10,7 +10,8 @@
 //!
 //! Source: Doebelin, Measurement Systems, 5th ed., section 3.2 (zero drift).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::reference_drift::SlowChange;
 use crate::units::{PRESSURE, TIME};
 
@@ -48,8 +49,8 @@ impl Effect for SensorDrift {
         ];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Zero { offset: theta[0], change: SlowChange::new(theta[1], context) })
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        Block::pointwise(Zero { offset: theta[0], change: SlowChange::new(theta[1], context) })
     }
 }
 
@@ -58,10 +59,10 @@ struct Zero {
     change: SlowChange,
 }
 
-impl Block for Zero {
-    fn start(&mut self, _: f64, _: f64) {}
+impl Pointwise for Zero {
+    fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         input + self.offset * self.change.step()
     }
 }

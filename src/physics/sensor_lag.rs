@@ -10,8 +10,8 @@
 //!
 //! Source: Doebelin, Measurement Systems, 5th ed., section 3.3 (first-order instruments).
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
-use super::first_order_lag::Linear;
+use super::block::Block;
+use super::effect::{Context, Effect, LinearForm, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
 use crate::units::TIME;
 
@@ -39,7 +39,16 @@ impl Effect for SensorLag {
         }];
         &PARAMETERS
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Linear(FirstOrder::new(theta[0], context.dt_s)))
+    fn is_linear(&self, _: Theta<'_>) -> bool {
+        true
+    }
+    fn shortest_s(&self, theta: Theta<'_>) -> f64 {
+        theta[0]
+    }
+    fn linear(&self, theta: Theta<'_>) -> Option<LinearForm> {
+        Some(LinearForm { lag_s: theta[0], ..LinearForm::NEUTRAL })
+    }
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        Block::dynamic(FirstOrder::new(theta[0], context.dt_s, context.arrival))
     }
 }

@@ -16,8 +16,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::effect::{Block, Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
-use super::transport_delay::Through;
+use super::block::{Block, Point, Pointwise, Through};
+use super::effect::{Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use crate::units::{PRESSURE, RATIO};
 
 /// The effect `sensor_outliers`.
@@ -101,10 +101,10 @@ impl Effect for SensorOutliers {
             spread_bar,
         })
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         match context.seed {
-            None => Box::new(Through),
-            Some(seed) => Box::new(Spikes { share: theta[0], size: theta[1], random: Pcg64::seed_from_u64(seed ^ 0x6f75_746c) }),
+            None => Block::pointwise(Through),
+            Some(seed) => Block::pointwise(Spikes { share: theta[0], size: theta[1], random: Pcg64::seed_from_u64(seed ^ 0x6f75_746c) }),
         }
     }
 }
@@ -115,9 +115,9 @@ struct Spikes {
     random: Pcg64,
 }
 
-impl Block for Spikes {
-    fn start(&mut self, _: f64, _: f64) {}
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+impl Pointwise for Spikes {
+    fn start(&mut self, _: &Point, _: f64) {}
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         let off: f64 = StandardNormal.sample(&mut self.random);
         if self.random.random::<f64>() < self.share { input + self.size * off } else { input }
     }

@@ -11,8 +11,8 @@
 //!
 //! Source: Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 1.
 
-use super::effect::{Block, Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
-use super::transport_delay::Through;
+use super::block::{Block, Point, Pointwise, Through};
+use super::effect::{Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use crate::units::PRESSURE;
 
 /// The effect `sensor_quantization`.
@@ -77,11 +77,11 @@ impl Effect for SensorQuantization {
             evidence: format!("{n} readings take {} values only, all multiples of {step:.4} bar", values.len()),
         })
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         // The mean of a reading with noise is not rounded.
         match context.seed {
-            None => Box::new(Through),
-            Some(_) => Box::new(Steps { step: theta[0] }),
+            None => Block::pointwise(Through),
+            Some(_) => Block::pointwise(Steps { step: theta[0] }),
         }
     }
 }
@@ -90,10 +90,10 @@ struct Steps {
     step: f64,
 }
 
-impl Block for Steps {
-    fn start(&mut self, _: f64, _: f64) {}
+impl Pointwise for Steps {
+    fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         (input / self.step).round() * self.step
     }
 }

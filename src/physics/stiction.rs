@@ -2,9 +2,10 @@
 //!
 //! What it is: the spool sticks until the force exceeds the static friction, then jumps.
 //!
-//! Model: the spool x rests while |i - x| <= band; then it breaks away to x = i -/+ slip * band and slides on with that
-//! offset for as long as it moves faster than `speed`; slower, or turning round, it sticks again. A high `speed` is
-//! the stick-slip staircase of He et al., a low one the sliding of Choudhury et al.
+//! Model: the spool x rests while |i - x| <= band; there it breaks away and slips on until |i - x| = slip * band, what the
+//! friction of motion holds. It sticks at once, or slides on with that offset for as long as the current, felt over 30 ms,
+//! moves on faster than `speed`; slower, or turning round, it sticks again. A high `speed` is the stick-slip staircase of
+//! He et al., a low one the sliding of Choudhury et al.
 //!
 //! Signature: the pressure rests while the current creeps, then jumps by the slope times band (1 - slip); the error is
 //! a sawtooth.
@@ -14,7 +15,8 @@
 //! Source: He, Wang, Pottmann and Qin, Ind. Eng. Chem. Res. 46 (2007) 4549; Choudhury, Thornhill and Shah, Control
 //! Eng. Practice 13 (2005) 641.
 
-use super::effect::{Block, Context, Effect, Hint, Parameter, Stage, Theta};
+use super::block::{Arrival, Block, Point, Pointwise};
+use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
 use super::staircase::staircase;
 use crate::units::{CURRENT, CURRENT_RATE, RATIO};
 
@@ -69,58 +71,89 @@ impl Effect for Stiction {
     fn signature_nats(&self, hint: &Hint<'_>) -> f64 {
         staircase(hint).map_or(0.0, |stair| stair.nats)
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Stick {
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        let ratio = context.dt_s / FELT_S;
+        Block::pointwise(Stick {
             band: theta[0],
             offset: theta[1] * theta[0],
-            speed: theta[2] * context.dt_s,
+            speed: theta[2],
+            held: matches!(context.arrival, Arrival::Held { .. }),
+            decay: (-ratio).exp(),
+            per_travel: if matches!(context.arrival, Arrival::Held { .. }) { 1.0 / FELT_S } else { -(-ratio).exp_m1() / context.dt_s },
             position: 0.0,
             sliding: 0.0,
             pace: 0.0,
+            last: 0.0,
         })
     }
 }
 
-/// Share of the newest sample in the smoothed pace.
-const PACE: f64 = 0.3;
+/// Time over which the speed of the current is felt: what the spool's mass and its film of oil smooth [s].
+pub(super) const FELT_S: f64 = 0.03;
 
 struct Stick {
     band: f64,
     offset: f64,
-    /// Slowest pace of sliding [A per sample].
+    /// Slowest pace of sliding [A/s].
     speed: f64,
+    held: bool,
+    /// What is left of the pace after a step, and what a travel adds to it [1/s].
+    decay: f64,
+    per_travel: f64,
     position: f64,
     /// Direction of sliding; 0 at rest.
     sliding: f64,
-    /// Smoothed pace in that direction [A per sample].
+    /// Smoothed pace of the current [A/s].
     pace: f64,
+    last: f64,
 }
 
-impl Block for Stick {
-    fn start(&mut self, _: f64, input: f64) {
-        (self.position, self.sliding, self.pace) = (input, 0.0, 0.0);
+impl Stick {
+    fn rest_when_slow(&mut self) {
+        if self.pace * self.sliding < self.speed {
+            self.sliding = 0.0;
+        }
+    }
+}
+
+impl Pointwise for Stick {
+    fn start(&mut self, _: &Point, input: f64) {
+        (self.position, self.last, self.sliding, self.pace) = (input, input, 0.0, 0.0);
     }
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
+        let travel = input - self.last;
+        self.last = input;
+        self.pace *= self.decay;
+        if self.held {
+            // It has slowed down all the time until the command came.
+            self.rest_when_slow();
+        }
+        self.pace += travel * self.per_travel;
+        if travel * self.sliding < 0.0 {
+            self.sliding = 0.0;
+        }
         if self.sliding == 0.0 {
             let away = input - self.position;
-            if away.abs() <= self.band {
+            let beyond = away.abs() - self.band;
+            if beyond <= 0.0 {
                 return self.position;
             }
-            self.sliding = away.signum();
-            self.position = input - self.sliding * self.offset;
-            // The jump itself does not count as motion: a staircase sticks at once.
-            self.pace = 1.5 * self.speed;
-            return self.position;
+            let direction = away.signum();
+            if self.pace * direction < self.speed {
+                // However fast the current has come here, it passed every place at which the spool breaks away.
+                let slip = self.band - self.offset;
+                self.position += direction * slip * ((beyond / slip).floor() + 1.0);
+                return self.position;
+            }
+            self.sliding = direction;
         }
         let target = input - self.sliding * self.offset;
-        let moved = (target - self.position) * self.sliding;
-        self.pace += PACE * (moved - self.pace);
-        if moved > 0.0 {
+        if (target - self.position) * self.sliding > 0.0 {
             self.position = target;
         }
-        if self.pace < self.speed {
-            self.sliding = 0.0;
+        if !self.held {
+            self.rest_when_slow();
         }
         self.position
     }

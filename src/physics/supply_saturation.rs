@@ -12,7 +12,8 @@
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, chapter 7 (hydraulic power elements).
 
-use super::effect::{Block, Context, Effect, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::block::{Block, Point, Pointwise};
+use super::effect::{Context, Effect, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use super::sag::sags;
 use crate::units::{PRESSURE, TIME};
 
@@ -80,8 +81,8 @@ impl Effect for SupplySaturation {
             masked,
         })
     }
-    fn block(&self, theta: Theta<'_>, context: &Context) -> Box<dyn Block> {
-        Box::new(Supply {
+    fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
+        Block::pointwise(Supply {
             limit: theta[0],
             softness: theta[1],
             from_s: theta[2],
@@ -101,10 +102,10 @@ struct Supply {
     dt_s: f64,
 }
 
-impl Block for Supply {
-    fn start(&mut self, _: f64, _: f64) {}
+impl Pointwise for Supply {
+    fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, _: f64, input: f64) -> f64 {
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
         let now = self.time_s;
         self.time_s += self.dt_s;
         let room = (self.limit - input) / self.softness;

@@ -1,7 +1,7 @@
 //! Laws that hold for every effect of the list.
 
 use super::*;
-use crate::valve::Valve;
+use crate::valve::{Input, Valve};
 
 fn valve(effects: Vec<crate::valve::EffectSpec>) -> Valve {
     let text = r#"
@@ -57,7 +57,7 @@ fn every_effect_gives_the_same_pressure_whole_and_step_by_step() {
     for effect in EFFECTS {
         let spec = specification(*effect, &first_starts(*effect));
         let valve = valve(vec![spec]);
-        let whole = simulate(&valve, &time, &current).unwrap();
+        let whole = simulate(&valve, Input::Held, &time, &current).unwrap();
         let mut plant = Plant::new(&valve, 0.01, current[0], None).unwrap();
         for (k, i) in current.iter().enumerate() {
             let p = plant.step(*i);
@@ -70,7 +70,7 @@ fn every_effect_gives_the_same_pressure_whole_and_step_by_step() {
 fn every_effect_of_the_course_changes_the_pressure_and_all_are_finite() {
     let current = current();
     let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
-    let plain = simulate(&valve(vec![]), &time, &current).unwrap();
+    let plain = simulate(&valve(vec![]), Input::Held, &time, &current).unwrap();
     for effect in EFFECTS {
         for (low, high) in [(true, false), (false, true), (false, false)] {
             let theta: Vec<f64> = effect
@@ -86,9 +86,9 @@ fn every_effect_of_the_course_changes_the_pressure_and_all_are_finite() {
                     }
                 })
                 .collect();
-            let changed = simulate(&valve(vec![specification(*effect, &theta)]), &time, &current).unwrap();
+            let changed = simulate(&valve(vec![specification(*effect, &theta)]), Input::Held, &time, &current).unwrap();
             assert!(changed.iter().all(|p| p.is_finite()), "{} at {theta:?}", effect.id());
-            if !low && !high && effect.kind() == Kind::Course && effect.id() != "reference_shape" {
+            if !low && !high && effect.kind() == Kind::Course && effect.needs().is_none() {
                 let rms = (plain.iter().zip(&changed).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / plain.len() as f64).sqrt();
                 assert!(rms > 1e-3, "{} does nothing: {rms}", effect.id());
             }
@@ -127,13 +127,109 @@ fn uneven_and_missing_samples_are_simulated_close_to_the_even_grid() {
     let current = current();
     let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
     let valve = valve(vec![]);
-    let even = simulate(&valve, &time, &current).unwrap();
+    let even = simulate(&valve, Input::Ramp, &time, &current).unwrap();
     // Every seventh sample is missing in a stretch without steps; the rest keeps its times.
     let keep: Vec<usize> = (0..current.len()).filter(|k| !(1000..1090).contains(k) || k % 7 != 0).collect();
     let pick = |v: &[f64]| keep.iter().map(|k| v[*k]).collect::<Vec<_>>();
-    let uneven = simulate(&valve, &pick(&time), &pick(&current)).unwrap();
+    let uneven = simulate(&valve, Input::Ramp, &pick(&time), &pick(&current)).unwrap();
     for (a, b) in pick(&even).iter().zip(&uneven) {
         assert!((a - b).abs() < 0.05, "{a} {b}");
     }
-    assert!(simulate(&valve, &[0.0, 0.0], &[0.1, 0.2]).unwrap_err().to_string().contains("does not increase at sample 2"));
+    assert!(simulate(&valve, Input::Held, &[0.0, 0.0], &[0.1, 0.2]).unwrap_err().to_string().contains("does not increase at sample 2"));
+}
+
+/// Levels held for 50 ms each, of every size, among them rests and small movements.
+fn levels() -> Vec<f64> {
+    (0..400)
+        .map(|k: usize| {
+            let wild = ((k * 7919 + 13 * (k / 7)) % 101) as f64 / 101.0;
+            match (k / 40) % 4 {
+                0 => 0.1 + 0.75 * wild,
+                1 => 0.5 + 0.03 * wild,
+                2 => 0.2 + 0.6 * ((k % 40) as f64 / 40.0),
+                _ => {
+                    if (k / 10).is_multiple_of(2) {
+                        0.75
+                    } else {
+                        0.15
+                    }
+                }
+            }
+        })
+        .collect()
+}
+
+/// The levels sampled with this step, a divisor of 50 ms, and the pressure at every 50 ms.
+fn sampled(valve: &Valve, per_level: usize) -> Vec<f64> {
+    let current: Vec<f64> = levels().iter().flat_map(|i| std::iter::repeat_n(*i, per_level)).collect();
+    let dt_s = 0.05 / per_level as f64;
+    let pipeline = Pipeline { input: Input::Held, ..Pipeline::of(valve).unwrap() };
+    let (mut work, mut out) = (Vec::new(), Vec::new());
+    pipeline.run(0.0, dt_s, &Signals::current(&current), &mut work, &mut out);
+    out.into_iter().step_by(per_level).collect()
+}
+
+#[test]
+fn every_deterministic_effect_gives_the_same_pressure_however_often_is_sampled() {
+    let plain = sampled(&valve(vec![]), 25);
+    let mut wrong = Vec::new();
+    for effect in EFFECTS {
+        for theta in some_starts(*effect) {
+            let valve = valve(vec![specification(*effect, &theta)]);
+            let fine = sampled(&valve, 500);
+            let swing = fine.iter().zip(&plain).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            for per_level in [25, 5, 1] {
+                let coarse = sampled(&valve, per_level);
+                let (at, off) =
+                    coarse.iter().zip(&fine).map(|(a, b)| (a - b).abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+                if off > 0.01 * swing + 1e-6 {
+                    wrong.push(format!("{} {theta:?} at {} ms: {off:.4} of {swing:.3} bar at level {at}", effect.id(), 50 / per_level));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Every start of each parameter, the others at their first.
+fn some_starts(effect: &dyn Effect) -> Vec<Vec<f64>> {
+    let first = first_starts(effect);
+    let mut all = vec![first.clone()];
+    for (k, p) in effect.parameters().iter().enumerate() {
+        all.extend(p.starts[1..].iter().map(|s| {
+            let mut theta = first.clone();
+            theta[k] = *s;
+            theta
+        }));
+    }
+    all
+}
+
+/// A chamber equation y' = f(u, y), its effect and its values.
+type Equation = (&'static str, Vec<f64>, fn(f64, f64) -> f64);
+
+#[test]
+fn chambers_agree_with_their_equations_solved_in_steps_of_ten_microseconds() {
+    let equations: [Equation; 4] = [
+        ("first_order_lag", vec![0.04, 0.5], |u, y| (u - y).abs().sqrt().copysign(u - y) / 0.04),
+        ("air_entrainment", vec![0.12, 2.0, 1.0], |u, y| (u - y) / (0.12 * (6.0 / (y + 1.0)).powi(2))),
+        ("air_entrainment", vec![0.2, 1.0, 0.6], |u, y| (u - y).abs().powf(0.6).copysign(u - y) / (0.2 * 6.0 / (y + 1.0))),
+        ("flow_limit", vec![100.0, 250.0, 0.0], |u, y| ((u - y) * 1e5).clamp(-250.0, 100.0)),
+    ];
+    for (id, theta, slope) in equations {
+        let mut valve = valve(vec![specification(super::effect(id).unwrap(), &theta)]);
+        (valve.lag_s, valve.delay_s) = (0.0, 0.0);
+        let mut without = valve.clone();
+        without.effects.clear();
+        let (whole, input) = (sampled(&valve, 5), sampled(&without, 5));
+        let (mut y, n) = (input[0], 5000);
+        for k in 1..input.len() {
+            // The level of the sample before stood until this one.
+            for _ in 0..n {
+                y += slope(input[k - 1], y) * 0.05 / f64::from(n);
+            }
+            let jump = (input[k] - input[k - 1]).abs();
+            assert!((whole[k] - y).abs() < 0.01 * 30.0_f64.min(1.0 + jump), "{id} {theta:?} at {k}: {} against {y}", whole[k]);
+        }
+    }
 }

@@ -12,7 +12,8 @@
 //! Source: paper, section on the delay of the measured pressure (10 to 30 ms); Ljung, System Identification, 2nd
 //! ed., section 3.2, for the dead time of a sampled system.
 
-use super::effect::{Block, Context, Effect, Parameter, Stage, Theta};
+use super::block::{Block, Through};
+use super::effect::{Context, Effect, LinearForm, Parameter, Stage, Theta};
 use crate::units::TIME;
 
 /// The effect `transport_delay`.
@@ -39,19 +40,14 @@ impl Effect for TransportDelay {
         }];
         &PARAMETERS
     }
-    fn block(&self, _: Theta<'_>, _: &Context) -> Box<dyn Block> {
-        // The pipeline adds the extra time to its own fractional delay, so that there is one interpolation only.
-        Box::new(Through)
+    fn dead_time_s(&self, theta: Theta<'_>) -> f64 {
+        theta[0]
     }
-}
-
-/// Passes its input.
-pub(super) struct Through;
-
-impl Block for Through {
-    fn start(&mut self, _: f64, _: f64) {}
-    fn step(&mut self, _: f64, input: f64) -> f64 {
-        input
+    fn linear(&self, theta: Theta<'_>) -> Option<LinearForm> {
+        Some(LinearForm { delay_s: theta[0], ..LinearForm::NEUTRAL })
     }
-    fn run(&mut self, _: super::Signals<'_>, _: &mut [f64]) {}
+    fn block(&self, _: Theta<'_>, _: &Context) -> Block {
+        // Its time is added to that of the valve, so that there is one fractional delay only.
+        Block::pointwise(Through)
+    }
 }

@@ -153,9 +153,13 @@ pub fn margins(stability: &Value) -> Vec<Margin> {
     margins
 }
 
-/// Whether the loop is stable, in words; `None` where the record does not say.
-pub fn stable(stability: &Value) -> Option<&'static str> {
-    stability.get("stable").and_then(Value::as_bool).map(|s| if s { "stable" } else { "UNSTABLE" })
+/// Whether the loop is stable, in words, and without which effects it was judged.
+pub fn stable(stability: &Value) -> String {
+    let Some(stable) = stability.get("stable").and_then(Value::as_bool) else { return "not judged".into() };
+    let left_out = stability.pointer("/loop/left_out").and_then(Value::as_array).into_iter().flatten();
+    let without: Vec<&str> = left_out.filter_map(Value::as_str).collect();
+    let judged = if without.is_empty() { String::new() } else { format!(" (judged without {})", without.join(", ")) };
+    format!("{}{judged}", if stable { "stable" } else { "UNSTABLE" })
 }
 
 /// The gains that the margins are for.

@@ -49,7 +49,7 @@ pub fn markdown(record: &TestRecord) -> String {
         let gains = format::gains(stability).map_or_else(String::new, |(kp, ki)| {
             format!(" at K_P {}, K_I {}", format::quantity(kp, "mA/bar"), format::quantity(ki, "mA/(bar s)"))
         });
-        let _ = writeln!(out, "\n## Stability of the loop{gains}: {}\n", format::stable(stability).unwrap_or("not judged"));
+        let _ = writeln!(out, "\n## Stability of the loop{gains}: {}\n", format::stable(stability));
         out.push_str("| margin | value | |\n|---|---:|---|\n");
         for margin in format::margins(stability) {
             let _ = writeln!(out, "| {} | {} | {} |", margin.name, margin.print(), margin.remark);

@@ -23,7 +23,7 @@ pub fn text(record: &TestRecord) -> String {
         let gains = format::gains(stability).map_or_else(String::new, |(kp, ki)| {
             format!(" at K_P {}, K_I {}", format::quantity(kp, "mA/bar"), format::quantity(ki, "mA/(bar s)"))
         });
-        wrapped(&mut out, "", &format!("stability of the loop{gains}: {}", format::stable(stability).unwrap_or("not judged")));
+        wrapped(&mut out, "", &format!("stability of the loop{gains}: {}", format::stable(stability)));
         rule(&mut out, '-');
         for margin in format::margins(stability) {
             let _ = writeln!(out, "{}", format!("  {:<28} {:>22}  {}", margin.name, margin.print(), margin.remark).trim_end());

@@ -8,7 +8,7 @@ use crate::physics::simulate;
 use crate::plan::{Measure, Plan};
 use crate::record::{LimitRecord, Measurement, Outcome, Trace};
 use crate::rig::Quality;
-use crate::valve::{Hysteresis, Valve};
+use crate::valve::{Hysteresis, Input, Valve};
 
 /// The columns that metrics look at, beside those of the trace.
 pub struct Columns {
@@ -54,7 +54,7 @@ fn from_rest(valve: &Valve, period_s: f64, trace: &Trace) -> Vec<f64> {
     let time_s: Vec<f64> = std::iter::once(first - period_s).chain(trace.time_s.iter().copied()).collect();
     let current_a: Vec<f64> = std::iter::once(valve.current_limits_a.0).chain(trace.current_a.iter().copied()).collect();
     // Without a model the metrics that need it say so.
-    simulate(valve, &time_s, &current_a).map(|p| p[1..].to_vec()).unwrap_or_default()
+    simulate(valve, Input::Held, &time_s, &current_a).map(|p| p[1..].to_vec()).unwrap_or_default()
 }
 
 /// One figure of a phase that ran to its end.

@@ -17,6 +17,26 @@ pub use hyperbola::{HyperbolaState, InverseState};
 pub use polynomial::Polynomial;
 pub use stretch::{hyperbola_per_sample, hyperbola_stretches};
 
+/// What a command does between two of its samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Input {
+    /// It stands until the next message, as behind every driver that gets its set-point in messages.
+    Held,
+    /// It goes on a straight line to the next sample, as a measured or a continuously driven current does.
+    #[default]
+    Ramp,
+}
+
+impl Input {
+    /// Its name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Held => "held",
+            Self::Ramp => "ramp",
+        }
+    }
+}
+
 /// How the pressure depends on the direction of the current.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Hysteresis {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use assert_cmd::Command;
 use hil::physics::simulate;
-use hil::valve::Valve;
+use hil::valve::{Input, Valve};
 use predicates::str::contains;
 use rand::{RngExt, SeedableRng};
 use serde_json::Value;
@@ -45,7 +45,7 @@ fn drive(valve: &Valve) -> String {
         current_a.extend((0..hold).map(|_| to));
     }
     let time_s: Vec<f64> = (0..current_a.len()).map(|k| k as f64 * 0.01).collect();
-    let pressure = simulate(valve, &time_s, &current_a).unwrap();
+    let pressure = simulate(valve, Input::Ramp, &time_s, &current_a).unwrap();
     let mut out = String::from("time_s,current_a,pressure_bar\n");
     for ((t, i), p) in time_s.iter().zip(&current_a).zip(pressure) {
         // The sum of twelve uniform numbers is nearly normal, with a variance of one.

@@ -18,11 +18,13 @@ fn record(folder: &Path) -> Value {
 }
 
 #[test]
-fn tipin_passes_and_leaves_its_folder() {
+fn tipin_ends_well_and_leaves_its_folder() {
     let out = tempfile::tempdir().unwrap();
     let run = hil().args(["run", "plans/tipin.toml", "--sim", "--format", "json", "--out"]).arg(out.path()).assert().code(0);
     let printed = json(&run.get_output().stdout);
-    assert_eq!((printed["schema"].as_str(), printed["outcome"].as_str()), (Some("hil.record/1"), Some("PASS")));
+    assert_eq!(printed["schema"], "hil.record/1");
+    // The repeated tip-in is steep: half a period of a held command and the lag take it near its limit.
+    assert_eq!(printed["outcome"], "MARGINAL");
     assert_eq!(record(out.path())["phases"], printed["phases"]);
     for file in ["report.html", "junit.xml", "trace.parquet"] {
         assert!(std::fs::metadata(out.path().join(file)).unwrap().len() > 100, "{file}");
@@ -34,7 +36,7 @@ fn tipin_passes_and_leaves_its_folder() {
 }
 
 #[test]
-fn every_shipped_plan_passes_on_its_valve_with_another_seed_and_measures_everything() {
+fn every_shipped_plan_ends_well_on_its_valve_with_another_seed_and_measures_everything() {
     for entry in std::fs::read_dir("plans").unwrap() {
         let plan = entry.unwrap().path();
         // The long drive in short.
@@ -43,7 +45,8 @@ fn every_shipped_plan_passes_on_its_valve_with_another_seed_and_measures_everyth
         let run =
             hil().arg("run").arg(&plan).args(["--sim", "--seed", "7", "--format", "json", "--out"]).arg(out.path()).args(&rounds).assert();
         let record = json(&run.code(0).get_output().stdout);
-        assert_eq!(record["outcome"], "PASS", "{}: {:#}", plan.display(), record["phases"]);
+        let expected = if plan.ends_with("tipin.toml") { "MARGINAL" } else { "PASS" };
+        assert_eq!(record["outcome"], expected, "{}: {:#}", plan.display(), record["phases"]);
         for measurement in record["phases"].as_array().unwrap().iter().flat_map(|p| p["measurements"].as_array().unwrap()) {
             assert!(measurement["value"].is_number(), "{}: {measurement}", plan.display());
         }

@@ -111,7 +111,7 @@ fn stability(diff: &mut RecordDiff, before: &TestRecord, after: &TestRecord, tol
             return;
         }
     };
-    let stable = |v| format::stable(v).unwrap_or("not judged").to_string();
+    let stable = format::stable;
     if stable(a) != stable(b) {
         diff.changes.push(change("stability", "verdict", true, stable(a), stable(b)));
     }

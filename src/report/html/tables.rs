@@ -100,7 +100,7 @@ pub fn margins(stability: &Value) -> Markup {
     html! {
         .card.scroll {
             @if let Some((kp, ki)) = format::gains(stability) {
-                p { "K" sub { "P" } " " b { (format::quantity(kp, "mA/bar")) } ", K" sub { "I" } " " b { (format::quantity(ki, "mA/(bar s)")) } ": " b { (format::stable(stability).unwrap_or("not judged")) } }
+                p { "K" sub { "P" } " " b { (format::quantity(kp, "mA/bar")) } ", K" sub { "I" } " " b { (format::quantity(ki, "mA/(bar s)")) } ": " b { (format::stable(stability)) } }
             }
             table {
                 tbody { @for margin in format::margins(stability) { tr { td { (margin.name) } td.num { (margin.print()) } td.soft { (margin.remark) } } } }

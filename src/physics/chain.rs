@@ -1,0 +1,345 @@
+//! The stages behind the static curve, one block after the other, for a whole recording or one sample at a time.
+//!
+//! Blocks that know values only run over the samples. From the first to the last dynamic block signals are followed as
+//! steps, on a grid that divides the samples where what stands second or later is too fast for them.
+
+use super::block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Step};
+use super::effect::{Context, Effect, Stage};
+use super::linear::FirstOrder;
+
+/// Longest inner step of several dynamic blocks: in units of the shortest time of one that is not linear; of linear ones
+/// that stand together, of the fastest or of the slowest.
+const LONGEST: f64 = 0.7;
+const LONGEST_FAST: f64 = 1.3;
+const LONGEST_SLOW: f64 = 0.4;
+/// A lag that is shorter than this is followed as one of this time [s].
+const SHORT_LAG_S: f64 = 0.004;
+/// Most inner steps per sample.
+const MOST: f64 = 64.0;
+/// Inner steps handled together; small enough for the level-1 cache.
+const CHUNK: usize = 256;
+
+/// Tank pressure: the outlet cannot fall below it.
+struct Floor {
+    floor_bar: f64,
+    left: f64,
+}
+
+impl Dynamic for Floor {
+    fn start(&mut self, _: &Point, _: f64) {}
+    /// Above and below, before the jump and after it.
+    #[inline]
+    fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
+        let (mut mean, mut jump, mut end) = (0.0, 0.0, f64::NAN);
+        input.pieces(from, self.left, f64::INFINITY, |share, a, b| {
+            let (a, b) = (a.max(self.floor_bar), b.max(self.floor_bar));
+            if input.jump != 0.0 {
+                jump += if end.is_nan() { 0.0 } else { a - end };
+            }
+            mean += share * 0.5 * (a + b);
+            end = b;
+        });
+        let to = input.to.max(self.floor_bar);
+        if from > self.floor_bar && input.to > self.floor_bar {
+            return input;
+        }
+        // An arrival at the sample itself, or at the begin of the step, leaves one part only.
+        if input.jump != 0.0 && (self.left == 0.0 || self.left >= 1.0) {
+            jump = if self.left == 0.0 { to - end } else { (from + input.jump).max(self.floor_bar) - from.max(self.floor_bar) };
+        }
+        Step { to, mean, jump }
+    }
+}
+
+impl Pointwise for Floor {
+    fn start(&mut self, _: &Point, _: f64) {}
+    #[inline]
+    fn step(&mut self, _: &Point, input: f64) -> f64 {
+        input.max(self.floor_bar)
+    }
+}
+
+/// An effect with its values.
+type Valued = (&'static dyn Effect, Vec<f64>);
+
+/// A block between dynamic ones.
+struct Link {
+    block: Block,
+    /// Its input at the last sample.
+    input: f64,
+    /// What a block that knows values only has added there.
+    added: f64,
+    /// Whether its input jumps with the command.
+    jumps: bool,
+}
+
+/// The stages behind the static curve.
+pub(super) struct Chain {
+    front: Vec<Box<dyn Pointwise>>,
+    middle: Vec<Link>,
+    back: Vec<Box<dyn Pointwise>>,
+    /// Inner steps per sample, and when within an inner step the command changes.
+    inner: usize,
+    arrival: Arrival,
+    /// The inner step in which a held command arrives.
+    arrives_at: usize,
+    started: bool,
+    /// Pressure and current at the last sample.
+    last: (f64, f64),
+    buffer: Vec<f64>,
+}
+
+impl Chain {
+    /// The chain of these effects, a floor and a lag, for a simulation with this context.
+    pub fn new(all: &[Valued], floor_bar: Option<f64>, lag_s: f64, context: &Context) -> Self {
+        let effects = |stages: &[Stage]| {
+            let mut of: Vec<_> = all.iter().filter(|(e, _)| stages.contains(&e.stage())).collect();
+            of.sort_by_key(|(e, _)| e.stage());
+            of
+        };
+        let before = effects(&[Stage::Static, Stage::Curve, Stage::Supply]);
+        let after = effects(&[Stage::Chamber, Stage::Creep, Stage::Sensor]);
+        let inner = inner_steps(context.dt_s, &groups(&before, lag_s, &after));
+        let (arrival, arrives_at) = match context.arrival {
+            Arrival::Ramp => (Arrival::Ramp, 0),
+            Arrival::Held { left } => {
+                let place = inner * (1.0 - left);
+                let at = place.floor().min(inner - 1.0);
+                (Arrival::Held { left: (at + 1.0 - place).clamp(0.0, 1.0) }, at as usize)
+            }
+        };
+        // The last inner step of a sample ends at it, also at the first.
+        let dt_s = context.dt_s / inner;
+        let fine = Context { dt_s, start_s: context.start_s - (inner - 1.0) * dt_s, arrival, ..*context };
+        let mut links: Vec<(Block, bool)> = Vec::new();
+        links.extend(before.iter().map(|(e, theta)| (e.block(theta, &fine), true)));
+        let moving = links.iter().any(|(block, _)| matches!(block, Block::Dynamic(_)));
+        let floor = floor_bar.map(|floor_bar| Floor { floor_bar, left: arrival.left() });
+        links.extend(floor.map(|floor| (if moving { Block::dynamic(floor) } else { Block::pointwise(floor) }, true)));
+        // Of linear blocks that stand together the slowest goes first: it smooths what the others then follow.
+        let linear = after.iter().take_while(|(e, theta)| e.is_linear(theta)).count();
+        let mut smooth: Vec<(f64, Block)> = after[..linear].iter().map(|(e, theta)| (e.shortest_s(theta), e.block(theta, &fine))).collect();
+        if lag_s > 0.0 {
+            smooth.insert(0, (lag_s, Block::dynamic(FirstOrder::new(lag_s, fine.dt_s, arrival))));
+        }
+        smooth.sort_by(|a, b| b.0.total_cmp(&a.0));
+        links.extend(smooth.into_iter().map(|(_, block)| (block, true)));
+        links.extend(after[linear..].iter().map(|(e, theta)| (e.block(theta, &fine), false)));
+        let moves = |(block, _): &(Block, bool)| matches!(block, Block::Dynamic(_));
+        let first = links.iter().position(moves).unwrap_or(links.len());
+        let last = links.iter().rposition(moves).map_or(first, |k| k + 1);
+        let plain = |block| if let Block::Pointwise(block) = block { Some(block) } else { None };
+        let mut chain = Self {
+            front: Vec::new(),
+            middle: Vec::new(),
+            back: Vec::new(),
+            inner: inner as usize,
+            arrival,
+            arrives_at,
+            started: false,
+            last: (0.0, 0.0),
+            buffer: Vec::new(),
+        };
+        // Behind the last dynamic block there are samples again, and clocks go by them.
+        let (ahead, behind) = (before.len() + usize::from(floor_bar.is_some()) + usize::from(lag_s > 0.0), last);
+        for (k, (block, jumps)) in links.into_iter().enumerate() {
+            let at_samples = |fine: Block| {
+                let effect = if k < before.len() { before.get(k) } else { after.get(k.wrapping_sub(ahead)) };
+                effect.map_or(fine, |(e, theta)| e.block(theta, context))
+            };
+            if k < first {
+                chain.front.extend(plain(if inner > 1.0 { at_samples(block) } else { block }));
+            } else if k < behind {
+                chain.middle.push(Link { block, input: 0.0, added: 0.0, jumps });
+            } else {
+                chain.back.extend(plain(if inner > 1.0 { at_samples(block) } else { block }));
+            }
+        }
+        chain
+    }
+
+    /// Replaces the pressure after the static curve by that at the sensor, in place; goes on where it has ended before.
+    pub fn run(&mut self, at: &Signals<'_>, pressure_bar: &mut [f64]) {
+        if pressure_bar.is_empty() {
+            return;
+        }
+        let settle = !std::mem::replace(&mut self.started, true);
+        let start = at.at(0);
+        let plain = |blocks: &mut [Box<dyn Pointwise>], pressure_bar: &mut [f64]| {
+            for block in blocks {
+                if settle {
+                    block.start(&start, pressure_bar[0]);
+                }
+                block.run(at, pressure_bar);
+            }
+        };
+        plain(&mut self.front, pressure_bar);
+        if !self.middle.is_empty() {
+            self.follow(at, pressure_bar, settle);
+        }
+        plain(&mut self.back, pressure_bar);
+    }
+
+    /// The dynamic part, chunk by chunk.
+    fn follow(&mut self, at: &Signals<'_>, pressure_bar: &mut [f64], mut settle: bool) {
+        if settle {
+            self.last = (pressure_bar[0], at.current_a[0]);
+        }
+        let inner = self.inner;
+        let samples = (CHUNK / inner).max(1).min(pressure_bar.len());
+        let length = samples * inner;
+        let mut buffer = std::mem::take(&mut self.buffer);
+        buffer.resize((4 * length).max(buffer.len()), 0.0);
+        let (to, rest) = buffer.split_at_mut(length);
+        let (mean, rest) = rest.split_at_mut(length);
+        let (jump, rest) = rest.split_at_mut(length);
+        let current = &mut rest[..length];
+        let mut channels = [Vec::new(), Vec::new()];
+        for (number, chunk) in pressure_bar.chunks_mut(samples).enumerate() {
+            let here = number * samples;
+            let n = chunk.len() * inner;
+            self.spread(&at.current_a[here..here + chunk.len()], chunk, [&mut to[..n], &mut mean[..n], &mut jump[..n], &mut current[..n]]);
+            for (channel, out) in [at.oil_temp_c, at.supply_bar].into_iter().zip(&mut channels) {
+                out.clear();
+                out.extend(channel.into_iter().flat_map(|c| &c[here..here + chunk.len()]).flat_map(|v| std::iter::repeat_n(*v, inner)));
+            }
+            let [oil_temp_c, supply_bar] = &channels;
+            let signals = Signals {
+                current_a: &current[..n],
+                oil_temp_c: at.oil_temp_c.map(|_| oil_temp_c.as_slice()),
+                supply_bar: at.supply_bar.map(|_| supply_bar.as_slice()),
+            };
+            for link in &mut self.middle {
+                link.run(&signals, settle, self.arrival, &mut Courses { to: &mut to[..n], mean: &mut mean[..n], jump: &mut jump[..n] });
+            }
+            settle = false;
+            for (k, pressure) in chunk.iter_mut().enumerate() {
+                *pressure = to[k * inner + inner - 1];
+            }
+        }
+        self.buffer = buffer;
+    }
+
+    /// Samples as inner steps: held until the command arrives, or on straight lines.
+    fn spread(&mut self, current_a: &[f64], pressure_bar: &[f64], [to, mean, jump, current]: [&mut [f64]; 4]) {
+        let inner = self.inner;
+        let (mut last, mut last_a) = self.last;
+        if inner == 1 {
+            current.copy_from_slice(current_a);
+            match self.arrival {
+                Arrival::Held { left } => {
+                    for (k, p) in pressure_bar.iter().enumerate() {
+                        let change = p - last;
+                        (to[k], mean[k], jump[k]) = (*p, last + left * change, change);
+                        last = *p;
+                    }
+                }
+                Arrival::Ramp => {
+                    for (k, p) in pressure_bar.iter().enumerate() {
+                        (to[k], mean[k], jump[k]) = (*p, 0.5 * (last + p), 0.0);
+                        last = *p;
+                    }
+                }
+            }
+            self.last = (last, current_a.last().copied().unwrap_or(last_a));
+            return;
+        }
+        for (k, (p, i)) in pressure_bar.iter().zip(current_a).enumerate() {
+            let mut before = last;
+            for j in 0..inner {
+                let place = k * inner + j;
+                let (now, now_a) = match self.arrival {
+                    Arrival::Held { .. } if j < self.arrives_at => (last, last_a),
+                    Arrival::Held { .. } => (*p, *i),
+                    Arrival::Ramp => {
+                        let share = (j + 1) as f64 / inner as f64;
+                        (last + share * (p - last), last_a + share * (i - last_a))
+                    }
+                };
+                let step = Step::arriving(before, now, self.arrival);
+                (to[place], mean[place], jump[place], current[place]) = (step.to, step.mean, step.jump, now_a);
+                before = now;
+            }
+            (last, last_a) = (*p, *i);
+        }
+        self.last = (last, last_a);
+    }
+}
+
+/// Dynamic blocks that stand together: one that is not linear, or several that are.
+struct Group {
+    linear: bool,
+    /// Shortest and longest time of its members [s].
+    shortest_s: f64,
+    longest_s: f64,
+    members: usize,
+}
+
+/// The dynamic blocks of a chain.
+fn groups(before: &[&Valued], lag_s: f64, after: &[&Valued]) -> Vec<Group> {
+    let of = |(e, theta): &&Valued| (e.is_linear(theta), e.shortest_s(theta));
+    let all = before.iter().map(of).chain((lag_s > 0.0).then_some((true, lag_s))).chain(after.iter().map(of));
+    let mut groups: Vec<Group> = Vec::new();
+    for (linear, time_s) in all.filter(|(_, t)| t.is_finite()) {
+        match groups.last_mut() {
+            Some(group) if linear && group.linear => {
+                (group.shortest_s, group.longest_s) = (group.shortest_s.min(time_s), group.longest_s.max(time_s));
+                group.members += 1;
+            }
+            _ => groups.push(Group { linear, shortest_s: time_s, longest_s: time_s, members: 1 }),
+        }
+    }
+    groups
+}
+
+/// Into how many parts a sample is divided: one where a single block is exact by itself.
+fn inner_steps(dt_s: f64, groups: &[Group]) -> f64 {
+    let alone = groups.len() == 1;
+    let longest = |group: &Group| match (group.linear, alone) {
+        (true, true) if group.members == 1 => f64::INFINITY,
+        // The slow one smooths, or the fast one does.
+        (true, _) => (LONGEST_FAST * group.shortest_s.max(SHORT_LAG_S)).max(LONGEST_SLOW * group.longest_s),
+        (false, true) => f64::INFINITY,
+        (false, false) => LONGEST * group.shortest_s,
+    };
+    let step_s = groups.iter().map(longest).fold(f64::INFINITY, f64::min);
+    let parts = (dt_s / step_s).clamp(1.0, MOST);
+    // Powers of two, so that a fit that moves a time constant seldom moves the grid.
+    parts.log2().ceil().exp2()
+}
+
+impl Link {
+    fn run(&mut self, at: &Signals<'_>, settle: bool, arrival: Arrival, signal: &mut Courses<'_>) {
+        let Some(end) = signal.to.last().copied() else { return };
+        if settle {
+            // What came before the first sample was rest at its value.
+            let start = at.at(0);
+            self.input = signal.to[0];
+            match &mut self.block {
+                Block::Pointwise(block) => block.start(&start, self.input),
+                Block::Dynamic(block) => block.start(&start, self.input),
+            }
+        }
+        match &mut self.block {
+            Block::Dynamic(block) => block.run(at, self.input, signal),
+            Block::Pointwise(block) => {
+                // Ahead of the chamber what changes does so with the command, behind it all along the step.
+                let held = self.jumps && matches!(arrival, Arrival::Held { .. });
+                let left = if held { arrival.left() } else { 0.5 };
+                for k in 0..signal.to.len() {
+                    let input = signal.to[k];
+                    let output = block.step(&at.at(k), input);
+                    if settle && k == 0 {
+                        self.added = output - input;
+                    }
+                    let change = output - input - self.added;
+                    signal.to[k] = output;
+                    signal.mean[k] += self.added + left * change;
+                    signal.jump[k] += if held { change } else { 0.0 };
+                    self.added += change;
+                }
+            }
+        }
+        self.input = end;
+    }
+}

@@ -1,0 +1,55 @@
+//! A chamber that is fed through a restriction, d' = -sgn(d) |d|^m / tau for d = y - u: solved for an input that stands.
+
+use super::power::Power;
+
+/// Input that changes by more than this within a step is taken in parts [bar].
+pub(super) const RESOLUTION_BAR: f64 = 0.2;
+/// A chamber that is this near to its target is there [bar].
+const SETTLED_BAR: f64 = 1e-7;
+
+/// A restriction with the exponent m below 1 of its flow over its pressure drop: the target is reached in finite time.
+#[derive(Debug, Clone)]
+pub(super) struct Flow {
+    loss: f64,
+    less: Power,
+    back: Power,
+    per_area: f64,
+}
+
+impl Flow {
+    /// With this exponent, below 1.
+    pub fn new(exponent: f64) -> Self {
+        let loss = 1.0 - exponent;
+        Self { loss, less: Power::new(loss), back: Power::new(1.0 / loss), per_area: 1.0 / (1.0 + loss) }
+    }
+
+    /// The pressure a time of `steps` time constants after `output`, and the integral of its distance from the target
+    /// over that time in time constants.
+    #[inline]
+    pub fn towards(&self, target: f64, output: f64, steps: f64) -> (f64, f64) {
+        let away = output - target;
+        let size = away.abs();
+        if size < SETTLED_BAR {
+            return (target, 0.0);
+        }
+        let before = self.less.of(size);
+        let after = (before - self.loss * steps).max(0.0);
+        let left = self.back.of(after);
+        (target + left.copysign(away), ((size * before - left * after) * self.per_area).copysign(away))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_orifice_is_at_its_target_in_finite_time() {
+        // sqrt(d) falls by half a time constant's worth per time constant: from 4 bar it takes 4, with the area 4^1.5 / 1.5.
+        let flow = Flow::new(0.5);
+        let (end, area) = flow.towards(0.0, 4.0, 2.0);
+        assert!((end - 1.0).abs() < 1e-3 && (area - (8.0 - 1.0) / 1.5).abs() < 1e-3, "{end} {area}");
+        let (end, area) = flow.towards(0.0, -4.0, 6.0);
+        assert!(end.abs() < 1e-9 && (area + 8.0 / 1.5).abs() < 1e-3, "{end} {area}");
+    }
+}
