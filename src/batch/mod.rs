@@ -10,6 +10,7 @@ mod example;
 pub mod index;
 pub mod journal;
 pub mod master;
+pub mod measuring;
 pub mod msa;
 pub mod population;
 pub mod readings;

@@ -12,6 +12,7 @@ use super::batch_bench::{RigArgs, Setup};
 use super::outputs::Force;
 use super::run::key_value;
 use super::{CliError, CliResult, exit};
+use crate::batch::measuring::{Instrument, MeasuringCapability, measuring_capability};
 use crate::batch::msa::{GaugeStudy, Study, gauge_study};
 use crate::batch::population::Population;
 use crate::batch::store::write_whole;
@@ -34,6 +35,21 @@ pub struct MsaArgs {
     /// Width between the limits, with its unit; from the plan's limit where that has both sides.
     #[arg(long, value_name = "VALUE")]
     pub tolerance: Option<String>,
+    /// Expanded uncertainty (k = 2) of the instrument's calibration, with its unit: for %Q_MS and %Q_MP
+    #[arg(long, value_name = "VALUE")]
+    pub calibration_uncertainty: Option<String>,
+    /// Smallest step of the instrument's reading, with its unit
+    #[arg(long, value_name = "VALUE")]
+    pub resolution: Option<String>,
+    /// Difference of the mean reading from a reference, with its unit
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
+    pub bias: Option<String>,
+    /// Standard deviation of repeated readings of a reference, with its unit
+    #[arg(long, value_name = "VALUE")]
+    pub reference_deviation: Option<String>,
+    /// Largest deviation of the instrument from linearity, with its unit
+    #[arg(long, value_name = "VALUE")]
+    pub linearity: Option<String>,
     /// Number of parts.
     #[arg(long, default_value_t = 10)]
     pub parts: usize,
@@ -94,23 +110,43 @@ pub fn run(args: &MsaArgs) -> CliResult {
     let is_plan = args.source.extension().is_some_and(|e| e == "toml");
     let taken = if is_plan { take(args)? } else { read(args)? };
     let study = gauge_study(&taken.study, taken.tolerance).map_err(CliError::input)?;
-    let json = json(&taken, &study);
+    let capability = measuring_capability(&study, &instrument(args, &taken.unit)?, taken.tolerance);
+    let json = json(&taken, &study, &capability);
     if let Some(dir) = &args.out {
         write_whole(&dir.join("readings.csv"), readings::write(&taken.study).as_bytes()).map_err(failed)?;
         write_whole(&dir.join("msa.json"), json.as_bytes()).map_err(failed)?;
     }
     let mark = if taken.simulated { "SIMULATION - this says nothing of a real gauge\n" } else { "" };
     super::print(&match args.format {
-        Format::Text => format!("{mark}{}", msa_text(&taken.name, &taken.unit, &study)),
-        Format::Markdown => format!("{mark}{}", msa_markdown(&taken.name, &study)),
+        Format::Text => format!("{mark}{}", msa_text(&taken.name, &taken.unit, &study, &capability)),
+        Format::Markdown => format!("{mark}{}", msa_markdown(&taken.name, &taken.unit, &study, &capability)),
         Format::Json => json,
     })?;
     Ok(if study.verdict == "unacceptable" { exit::NEGATIVE } else { exit::DONE })
 }
 
-fn json(taken: &Readings, study: &GaugeStudy) -> String {
+/// What the options say of the instrument, in the metric's unit.
+fn instrument(args: &MsaArgs, unit: &str) -> Result<Instrument, CliError> {
+    let of = |option: &str, text: &Option<String>| {
+        let Some(text) = text else { return Ok(None) };
+        let wrong = |problem: String| CliError::usage(format!("--{option} {text}: {problem}"));
+        match Unit::by_symbol(unit).or_else(|| Unit::of_text(text)) {
+            Some(unit) => unit.parse(text).map(Some).map_err(|e| wrong(e.to_string())),
+            None => Err(wrong("a number with its unit is wanted, for instance \"5 mbar\"".into())),
+        }
+    };
+    Ok(Instrument {
+        calibration_uncertainty: of("calibration-uncertainty", &args.calibration_uncertainty)?,
+        resolution: of("resolution", &args.resolution)?,
+        bias: of("bias", &args.bias)?,
+        reference_deviation: of("reference-deviation", &args.reference_deviation)?,
+        linearity: of("linearity", &args.linearity)?,
+    })
+}
+
+fn json(taken: &Readings, study: &GaugeStudy, capability: &MeasuringCapability) -> String {
     let value = serde_json::json!({
-        "schema": "hil.msa/1", "metric": taken.name, "unit": taken.unit, "simulated": taken.simulated, "tolerance": taken.tolerance, "study": study,
+        "schema": "hil.msa/1", "metric": taken.name, "unit": taken.unit, "simulated": taken.simulated, "tolerance": taken.tolerance, "study": study, "capability": capability,
     });
     format!("{}\n", serde_json::to_string_pretty(&value).unwrap_or_default())
 }

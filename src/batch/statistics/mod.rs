@@ -5,17 +5,23 @@
 
 mod capability;
 mod chart;
+#[cfg(test)]
+mod coverage;
 mod distribution;
 mod drift;
+mod family;
+mod fitted;
 mod histogram;
 mod normality;
 mod outliers;
 mod pareto;
 mod proportion;
+mod rules;
 mod sample;
+mod shape;
 
 pub use capability::{Capability, Index, Tolerance, capability};
-pub use chart::{ControlChart, Rule, Signal, WITHIN_D2, control_chart};
+pub use chart::{ControlChart, Signal, WITHIN_D2, control_chart};
 pub(in crate::batch) use distribution::{f_upper, t_quantile, t_two_sided};
 pub use drift::{Drift, drift};
 pub use histogram::{Histogram, histogram};
@@ -23,8 +29,10 @@ pub use normality::{Normality, normality};
 pub use outliers::{Outlier, outliers};
 pub use pareto::{ParetoBar, pareto};
 pub use proportion::{Proportion, clopper_pearson, proportion, wilson};
+pub use rules::{FALSE_ALARMS, Rule};
 pub(in crate::batch) use sample::mean_deviation;
 pub use sample::{Sample, sample};
+pub use shape::{Candidate, Shape};
 
 use serde::{Deserialize, Serialize};
 
@@ -105,7 +113,7 @@ pub fn metric(name: &str, unit: &str, tolerance: Tolerance, values: &[f64]) -> M
         missing: values.len() - present.len(),
         sample: sample(&present),
         histogram: histogram(&present),
-        capability: capability(&present, tolerance, &chart, &normality),
+        capability: capability(&present, tolerance, &chart),
         chart,
         normality,
         outliers: outliers(&present, &positions),

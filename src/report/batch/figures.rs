@@ -84,10 +84,17 @@ fn individuals(summary: &BatchSummary, k: usize, m: &MetricStatistics) -> Markup
         Some(c) => {
             figure = figure
                 .horizontal("centre", Color::Neutral, c.centre)
-                .horizontal("upper control limit", Color::Error, c.upper)
-                .horizontal("lower control limit", Color::Error, c.lower);
-            let said: Vec<String> = c.signals.iter().map(|s| format!("{} ({} times)", s.rule.text(), s.count)).collect();
-            let said = if said.is_empty() { "No run rule speaks.".into() } else { format!("Run rules that speak: {}.", said.join("; ")) };
+                .horizontal("3 sigma", Color::Neutral, c.upper)
+                .horizontal("-3 sigma", Color::Neutral, c.lower)
+                .horizontal("upper signal limit", Color::Error, c.centre + c.signal_sigma * c.within_deviation)
+                .horizontal("lower signal limit", Color::Error, c.centre - c.signal_sigma * c.within_deviation);
+            let said: Vec<String> = c.signals.iter().map(|s| format!("{} ({} times)", s.text, s.count)).collect();
+            let rate = format!("all rules together: {} % false alarms", 100.0 * c.false_alarms);
+            let said = if said.is_empty() {
+                format!("No run rule speaks ({rate}).")
+            } else {
+                format!("Run rules that speak ({rate}): {}.", said.join("; "))
+            };
             figure = figure.caption(said);
         }
         None => figure = figure.caption(m.chart.absent.clone().unwrap_or_default()),

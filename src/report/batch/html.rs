@@ -61,7 +61,7 @@ pub fn html(summary: &BatchSummary, id: &str) -> String {
             details { summary { "Moving range" } (figures::moving_range(summary, *k, m)) }
         }
         h2 { "Statistics" }
-        p.soft { "Over the deciding attempt of every judged valve. Intervals 95 %; below each index. Cp and Cpk from the short-term spread of a stable process, Pp and Ppk from the overall spread; Cp and Pp need limits on both sides. Where the values are not normal, quantiles of at least 2000 values stand in for Pp and Ppk." }
+        p.soft { "Over the deciding attempt of every judged valve. Intervals 95 %; below each index. Pp and Ppk by the quantiles of the distribution that fits (ISO 22514-2), Cp and Cpk from the short-term spread of a stable process with normal values; Cp and Pp need limits on both sides." }
         (tables::statistics(summary))
         h2 { "Valves" }
         (tables::valves(summary))

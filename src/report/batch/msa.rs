@@ -2,10 +2,12 @@
 
 use std::fmt::Write as _;
 
+use crate::batch::measuring::MeasuringCapability;
 use crate::batch::msa::GaugeStudy;
+use crate::batch::statistics::Finding;
 
 /// The study for a terminal.
-pub fn msa_text(name: &str, unit: &str, study: &GaugeStudy) -> String {
+pub fn msa_text(name: &str, unit: &str, study: &GaugeStudy, capability: &MeasuringCapability) -> String {
     let mut out = String::new();
     let (parts, appraisers, trials) = study.size;
     let _ = writeln!(out, "gauge R&R of {name}: {parts} parts, {appraisers} appraisers, {trials} trials");
@@ -41,17 +43,17 @@ pub fn msa_text(name: &str, unit: &str, study: &GaugeStudy) -> String {
         let _ = writeln!(out, "{:<16} {:>14.6} {contribution:>10.2} % {of_study:>10.2} % {tolerance:>12}", c.source, c.deviation);
     }
     out.push('\n');
-    for (label, text) in figures(study) {
+    for (label, text) in figures(study).into_iter().chain(capability_lines(unit, capability)) {
         let _ = writeln!(out, "{label:<24} {text}");
     }
     out
 }
 
 /// The study as Markdown.
-pub fn msa_markdown(name: &str, study: &GaugeStudy) -> String {
+pub fn msa_markdown(name: &str, unit: &str, study: &GaugeStudy, capability: &MeasuringCapability) -> String {
     let (parts, appraisers, trials) = study.size;
     let mut out = format!("# Gauge R&R of {name}\n\n{parts} parts, {appraisers} appraisers, {trials} trials.\n\n");
-    for (label, text) in figures(study) {
+    for (label, text) in figures(study).into_iter().chain(capability_lines(unit, capability)) {
         let _ = writeln!(out, "- {label}: {text}");
     }
     out.push_str("\n| component | sigma | contribution | of study | of tolerance |\n|---|--:|--:|--:|--:|\n");
@@ -83,5 +85,20 @@ fn figures(study: &GaugeStudy) -> Vec<(&'static str, String)> {
         ("%GRR of study", format!("{:.2} %", 100.0 * study.grr_of_study)),
         ("distinct categories", categories),
         ("verdict", format!("{} (below 10 % acceptable, 10 to 30 % conditional)", study.verdict)),
+    ]
+}
+
+/// Capability by uncertainty, after VDA 5.
+fn capability_lines(unit: &str, capability: &MeasuringCapability) -> Vec<(&'static str, String)> {
+    let share = |of: &Finding<f64>, most: &str| match of.value {
+        Some(v) => format!("{:.2} % (at most {most} %)", 100.0 * v),
+        None => of.absent.clone().unwrap_or_default(),
+    };
+    let budget: Vec<String> = capability.budget.iter().map(|i| format!("{} {:.3e}", i.name, i.uncertainty)).collect();
+    vec![
+        ("%Q_MS", share(&capability.q_ms, "15")),
+        ("%Q_MP", share(&capability.q_mp, "30")),
+        ("smallest tolerance", format!("{:.6} {unit}", capability.smallest_tolerance)),
+        ("uncertainties", budget.join(", ")),
     ]
 }
