@@ -25,14 +25,32 @@ pub enum DecisionRule {
     Simple,
     /// The measured value against the limit drawn in by the expanded uncertainty (ILAC-G8:09/2019; JCGM 106:2012).
     GuardBand,
+    /// The limit drawn in by 1.65 standard uncertainties: a value is accepted where it conforms with a probability of at least 95 %
+    /// (ISO 14253-1:2017, its default rule, for an uncertainty that is small against the tolerance).
+    ConformanceProbability,
 }
 
+/// 95 % of the normal distribution lie below this many standard deviations above its mean.
+const ONE_SIDED_95: f64 = 1.65;
+
 impl DecisionRule {
+    /// By how much the rule draws a limit in, for an expanded uncertainty with k = 2.
+    pub fn guard(self, expanded_uncertainty: f64) -> f64 {
+        match self {
+            DecisionRule::Simple => 0.0,
+            DecisionRule::GuardBand => expanded_uncertainty,
+            DecisionRule::ConformanceProbability => 0.5 * ONE_SIDED_95 * expanded_uncertainty,
+        }
+    }
+
     /// The rule in words, for a report.
     pub fn text(self) -> &'static str {
         match self {
             DecisionRule::Simple => "simple acceptance: the measured value against the limit, its uncertainty not taken into account",
             DecisionRule::GuardBand => "guarded acceptance: every limit is drawn in by the expanded uncertainty of its metric",
+            DecisionRule::ConformanceProbability => {
+                "ISO 14253-1:2017: every limit is drawn in by 1.65 standard uncertainties, so that what passes conforms with 95 %"
+            }
         }
     }
 }
@@ -130,6 +148,14 @@ impl Limit {
         Ok(Limit { min, max, marginal_min, marginal_max, bound: self.bound })
     }
 
+    /// `value` with the fewest decimals, `decimals` at least, at which a reader who compares it with the limit reads the verdict that it
+    /// has: 0.14695 against 0.1469 is not printed as 0.147.
+    pub fn shown(&self, value: f64, decimals: usize) -> f64 {
+        let rounded = |d: usize| format!("{value:.d$}").parse().unwrap_or(value);
+        let verdict = self.judge(Some(value));
+        (decimals..=15).map(rounded).find(|v| self.judge(Some(*v)) == verdict).unwrap_or(value)
+    }
+
     /// The verdict on `value`; an absent value and one that is not a number fail.
     pub fn judge(&self, value: Option<f64>) -> Verdict {
         let Some(value) = value.filter(|v| !v.is_nan()) else { return Verdict::Fail };
@@ -189,7 +215,33 @@ mod tests {
         insta::assert_snapshot!(LIMIT.drawn_in(0.6).unwrap_err(), @"an uncertainty of 0.6 leaves nothing between `min` and `max`");
     }
 
+    #[test]
+    fn the_default_rule_of_iso_14253_draws_in_by_1_65_standard_uncertainties() {
+        // U = 0.2 with k = 2: u = 0.1.
+        let guards = [DecisionRule::Simple, DecisionRule::GuardBand, DecisionRule::ConformanceProbability].map(|r| r.guard(0.2));
+        assert_eq!(guards, [0.0, 0.2, 0.165]);
+    }
+
+    #[test]
+    fn as_many_decimals_as_the_verdict_needs() {
+        let limit = Limit { max: Some(0.1469), ..Limit::default() };
+        assert_eq!(limit.shown(0.14658, 3), 0.1466, "0.147 would read as beyond the limit");
+        assert_eq!(limit.shown(0.14695, 3), 0.147);
+        assert_eq!(limit.shown(0.14691, 3), 0.147);
+        assert_eq!(limit.shown(0.2, 3), 0.2);
+        let round = Limit { max: Some(0.147), ..Limit::default() };
+        assert_eq!(round.shown(0.147_000_04, 3), 0.147_000_0 + 0.000_000_04);
+        assert_eq!(round.shown(0.1467, 3), 0.147);
+    }
+
     proptest! {
+        #[test]
+        fn what_is_shown_has_the_verdict_of_what_was_measured(v in -2.0..3.0f64, decimals in 0usize..5) {
+            let shown = LIMIT.shown(v, decimals);
+            prop_assert_eq!(LIMIT.judge(Some(shown)), LIMIT.judge(Some(v)));
+            prop_assert!((shown - v).abs() <= 0.5 * 10f64.powi(-(decimals as i32)) + 1e-12);
+        }
+
         #[test]
         fn moving_away_from_the_middle_never_improves_the_verdict(a in -2.0..3.0f64, b in -2.0..3.0f64) {
             let distance = |v: f64| (0.45 - v).abs();

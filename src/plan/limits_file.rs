@@ -120,13 +120,13 @@ impl Plan {
         let written = limit(&entry.limit, unit)?;
         let uncertainty = entry.uncertainty.as_ref().map(|text| {
             let value = unit.parse(text.get_ref()).map_err(|e| Wrong::new(text.span(), e.to_string()))?;
-            written.drawn_in(value).map_err(|e| Wrong::new(text.span(), e.to_string()))
+            written.drawn_in(rule.guard(value)).map_err(|e| Wrong::new(text.span(), e.to_string()))
         });
         let applied = match (rule, uncertainty.transpose()?) {
             (DecisionRule::Simple, _) => written,
-            (DecisionRule::GuardBand, Some(guarded)) => guarded,
-            (DecisionRule::GuardBand, None) => {
-                let message = "needs `uncertainty`: the decision rule of the file is a guard band";
+            (_, Some(guarded)) => guarded,
+            (_, None) => {
+                let message = "needs `uncertainty`: the decision rule of the file takes it into account";
                 return Err(Wrong::new(entry.limit.span(), message));
             }
         };

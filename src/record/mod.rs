@@ -119,7 +119,8 @@ pub struct PhaseRecord {
 pub struct Measurement {
     /// Id of the metric, for instance `rmse`.
     pub metric: String,
-    /// The figure in `unit`, rounded to the unit's fixed digits; `None` where it could not be measured.
+    /// The figure in `unit`, rounded to the unit's fixed digits, or to as many more as its verdict needs; `None` where it could not be
+    /// measured.
     pub value: Option<f64>,
     /// Unit of the value.
     pub unit: String,

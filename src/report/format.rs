@@ -45,16 +45,26 @@ pub fn quantity(value: f64, unit: &str) -> String {
     if unit == "1" { number(value, unit) } else { format!("{} {unit}", number(value, unit)) }
 }
 
+/// A number with all the digits that it has, and at least the fixed ones of `unit`: a limit as it was typed, a value with the
+/// digits that its verdict needs.
+pub fn exact(value: f64, unit: &str) -> String {
+    let fixed = number(value, unit);
+    // Nine digits carry every typed number; what is beyond is dust of the binary form.
+    let typed: f64 = format!("{value:.9}").parse().unwrap_or(value);
+    if fixed.parse() == Ok(typed) { fixed } else { format!("{typed}") }
+}
+
 /// The measured value, or a dash.
 pub fn value(measurement: &Measurement) -> String {
-    measurement.value.map_or_else(|| "-".into(), |v| quantity(v, &measurement.unit))
+    let unit = if measurement.unit == "1" { String::new() } else { format!(" {}", measurement.unit) };
+    measurement.value.map_or_else(|| "-".into(), |v| exact(v, &measurement.unit) + &unit)
 }
 
 /// The limit with its unit: `<= 0.200 bar`, `0.100 .. 0.200 bar`; empty where there is none.
 pub fn limit(measurement: &Measurement) -> String {
     let Some(limit) = &measurement.limit else { return String::new() };
     let unit = if measurement.unit == "1" { String::new() } else { format!(" {}", measurement.unit) };
-    let print = |v: f64| number(v, &measurement.unit);
+    let print = |v: f64| exact(v, &measurement.unit);
     let equal = if limit.bound == "exclusive" { "" } else { "=" };
     match (limit.min, limit.max) {
         (Some(min), Some(max)) => format!("{} .. {}{unit}", print(min), print(max)),
