@@ -61,19 +61,21 @@ fn from_rest(valve: &Valve, period_s: f64, trace: &Trace) -> Vec<f64> {
 pub fn measured(measure: &Measure, segment: &Segment<'_>) -> Measurement {
     let metric = measure.metric.metric();
     let (value, reason) = match metric.compute(segment) {
-        // The record holds, and the limit judges, the digits that are shown.
-        Ok(value) => (Some(rounded(value, metric.unit().decimals)), None),
+        Ok(value) => (Some(value), None),
         Err(why) => (None, Some(why.to_string())),
     };
     let outcome = match &measure.limit {
         None => Outcome::NotRun,
+        // The limit judges what was measured, not the digits that are shown.
         Some(limit) => match limit.judge(value) {
             Verdict::Pass => Outcome::Pass,
             Verdict::Marginal => Outcome::Marginal,
             Verdict::Fail => Outcome::Fail,
         },
     };
-    Measurement { value, outcome, reason, ..blank(measure, metric.definition(segment)) }
+    let decimals = metric.unit().decimals;
+    let shown = |v: f64| measure.limit.as_ref().map_or_else(|| rounded(v, decimals), |limit| without_sign(limit.shown(v, decimals)));
+    Measurement { value: value.map(shown), outcome, reason, ..blank(measure, metric.definition(segment)) }
 }
 
 /// One figure of a phase that did not run, or not to its end.
@@ -108,5 +110,10 @@ fn limit_record(limit: &Limit) -> LimitRecord {
 }
 
 fn rounded(value: f64, decimals: usize) -> f64 {
-    format!("{value:.decimals$}").parse().map_or(value, |v: f64| if v == 0.0 { 0.0 } else { v })
+    without_sign(format!("{value:.decimals$}").parse().unwrap_or(value))
+}
+
+/// A zero without the sign that rounding left.
+fn without_sign(value: f64) -> f64 {
+    if value == 0.0 { 0.0 } else { value }
 }

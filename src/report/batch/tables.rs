@@ -55,7 +55,10 @@ fn statistics_table(metrics: &[&MetricStatistics]) -> Markup {
 fn index_cell(finding: &Finding<Index>) -> Markup {
     html! {
         @match &finding.value {
-            Some(i) => { (format!("{:.2}", i.value)) .why { (format!("{:.2} .. {:.2}", i.interval.low, i.interval.high)) } }
+            Some(i) => {
+                (format!("{:.2}", i.value))
+                .why { (format!("{:.2} .. {:.2}", i.interval.low, i.interval.high)) @if i.method != "normal" { ", " (i.method) } }
+            }
             None => "-",
         }
     }
