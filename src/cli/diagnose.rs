@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::identify::sha256;
 use super::jobs::JobsArgs;
 use super::outputs::{Force, PLAN, VALVE};
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
-use crate::diagnose::{Diagnosed, Verdict, diagnose, story};
+use crate::diagnose::{Diagnosed, Verdict, diagnose_against, story};
 use crate::output::{Mark, Outputs};
 use crate::physics::EFFECTS;
 use crate::recording::{Mapping, Recording, replace_file};
@@ -25,6 +26,10 @@ pub struct DiagnoseArgs {
     /// The valve model: a file, or the bare name of one in valves/
     #[arg(long, value_name = "VALVE", required_unless_present = "jobs", conflicts_with = "jobs")]
     model: Option<String>,
+    /// A drive of the good valve, which decides what has changed and what the model never had; several may be given.
+    /// Without it, the recordings that the model was identified from, where they still lie beside it
+    #[arg(long, value_name = "GOOD.csv")]
+    reference: Vec<PathBuf>,
     /// Writes the model with the effects that were found; every other command takes it
     #[arg(short = 'o', long, value_name = "AUGMENTED")]
     output: Option<PathBuf>,
@@ -75,21 +80,26 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
         return Err(CliError::usage("a RECORDING and --model VALVE, or --jobs LIST"));
     };
     let model = Valve::find(model).map_err(CliError::input)?;
-    let outputs = Outputs::new(args.force.force).reads([recording, &model]).file(args.output.as_ref(), VALVE);
+    let outputs = Outputs::new(args.force.force).reads([recording, &model]).reads(&args.reference).file(args.output.as_ref(), VALVE);
     let _claim = outputs.file(args.report.as_ref(), Mark::Page).file(args.next_plan.as_ref(), PLAN).claim()?;
     let mut valve = checked_valve(&model)?;
     for part in &args.without {
         take_out(&mut valve, part)?;
     }
+    let good = references(args, recording, &model, &valve, &map)?;
     let recording = Recording::read(recording, &map).map_err(CliError::input)?;
-    let diagnosed = diagnose(&recording, &valve).map_err(CliError::input)?;
-    if let Some(path) = &args.output {
+    let diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
+    let comparable = diagnosed.diagnosis.verdict != Verdict::NotComparable;
+    if !comparable && (args.output.is_some() || args.next_plan.is_some()) {
+        super::note("model and recording do not belong together: no model and no plan is written");
+    }
+    if let Some(path) = args.output.as_ref().filter(|_| comparable) {
         store(path, &diagnosed.augmented.to_toml())?;
     }
     if let Some(path) = &args.report {
         store(path, &report::diagnosis::page(&diagnosed, &story(&diagnosed)))?;
     }
-    if let Some(path) = &args.next_plan {
+    if let Some(path) = args.next_plan.as_ref().filter(|_| comparable) {
         next_plan(path, args, &diagnosed)?;
     }
     match args.format {
@@ -98,6 +108,17 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     }
     let mismatch = args.fail_on.is_some() && diagnosed.diagnosis.verdict != Verdict::Match;
     Ok(if mismatch { exit::NEGATIVE } else { exit::DONE })
+}
+
+/// Data of the good valve: what was named, otherwise what the model was identified from, as long as it is the same file.
+fn references(args: &DiagnoseArgs, record: &Path, model: &Path, valve: &Valve, map: &[Mapping]) -> Result<Vec<Recording>, CliError> {
+    if !args.reference.is_empty() {
+        return args.reference.iter().map(|path| Recording::read(path, map).map_err(CliError::input)).collect();
+    }
+    let Some(block) = &valve.identification else { return Ok(Vec::new()) };
+    let path = model.with_file_name(&block.recording);
+    let same = block.sha256.is_some() && path != record && sha256(&path).ok() == block.sha256;
+    Ok(if same { Recording::read(&path, map).ok().into_iter().collect() } else { Vec::new() })
 }
 
 /// Removes a part of a model, as if it had never been there.

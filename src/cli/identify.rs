@@ -108,7 +108,7 @@ fn store(path: &Path, text: &str) -> Result<(), CliError> {
 }
 
 /// SHA-256 of a file's bytes, hex.
-fn sha256(path: &Path) -> Result<String, CliError> {
+pub(super) fn sha256(path: &Path) -> Result<String, CliError> {
     let wrong = |e: std::io::Error| CliError::input(format!("{}: {e}", path.display()));
     let mut file = std::fs::File::open(path).map_err(wrong)?;
     let mut hash = Sha256::new();

@@ -4,35 +4,34 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::diagnosis::{Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, SCHEMA, Verdict};
+use super::diagnosis::{Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, SCHEMA, Verdict};
 use super::fit::{Fit, Fitter};
+use super::good::Good;
 use super::heldout::{HeldOut, blocks, held_out, rms};
 use super::locate::locate;
 use super::model::{BASE, Model, Simulator};
+use super::posterior;
 use super::remainder::remainder;
-use super::search::{Search, VERY_STRONG};
-use crate::physics::{EFFECTS, Effect, Kind, ScatterFinding, specification};
+use super::scatter::Scattered;
+use super::search::Search;
+use crate::physics::{EFFECTS, Effect, Kind, specification};
 use crate::recording::Recording;
 
-/// What is left counts as structure above this many times the accuracy of the base model.
-const STRUCTURE: f64 = 2.5;
-/// Most effects listed as indistinguishable from one.
-const MOST_RIVALS: usize = 3;
-
-/// An effect of the scatter with what it found.
-pub struct Scattered {
-    /// The effect.
-    pub effect: &'static dyn Effect,
-    /// What it found.
-    pub finding: ScatterFinding,
-}
+/// Part of the gain of an effect that a rival may miss after the search and still be fitted again in its place.
+const NEAR: f64 = 0.35;
+/// Most rivals that are fitted again.
+const MOST_FITTED: usize = 6;
 
 /// Everything that the searches found, to be put into words.
 pub struct Findings<'s, 'a> {
     /// The recording.
     pub recording: &'s Recording,
-    /// The base model.
+    /// The model as given.
+    pub given: &'s Model<'s>,
+    /// The model from which the search went out: as given, or corrected by data of the good valve.
     pub base: &'s Model<'a>,
+    /// What data of the good valve says, where there is some.
+    pub good: Option<&'s Good>,
     /// The fitter, with outliers masked.
     pub fitter: &'s Fitter<'s>,
     /// The search over the effects of the course.
@@ -57,23 +56,20 @@ impl<'a> Findings<'_, 'a> {
         let (fitter, search) = (self.fitter, self.search);
         let evidence = fitter.evidence;
         let measured_all = evidence.pressure_bar();
-        let mut given = self.base.calibrated();
-        given[BASE - 1] = self.base.valve.lag_s;
-        let calibrated = Fit { model: self.base.clone(), theta: given, ..search.null.clone() };
-        let (base_bar, refit_bar, augmented_bar) =
-            (self.simulated(&calibrated), self.simulated(&search.null), self.simulated(&search.chosen));
+        let base_bar = self.as_given();
+        let (refit_bar, augmented_bar) = (self.simulated(&search.null), self.simulated(&search.chosen));
         let base_residual: Vec<f64> = measured_all.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
         let (refit_held, chosen_held) = rayon::join(|| held_out(fitter, &search.null, 6), || held_out(fitter, &search.chosen, 6));
         let mut findings = self.course_findings(&chosen_held);
-        findings.extend(self.scattered.iter().map(|s| scatter_finding(s, fitter)));
+        findings.extend(self.scattered.iter().map(|s| scatter_finding(s, fitter, self.good)));
         findings.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let effects: Vec<Finding> = findings.into_iter().map(|f| f.1).collect();
+        let (mut form, effects) = self.sorted(findings);
+        form.extend(self.good.into_iter().flat_map(|g| g.corrections.iter().map(|c| c.finding(&g.names))));
 
         let residual = self.residual(&augmented_bar);
         let standardised = self.standardised(&residual);
-        let accuracy_bar = self.accuracy_bar();
         let block = blocks(fitter);
-        let unexplained = remainder(evidence, &standardised, &augmented_bar, &block, STRUCTURE * accuracy_bar);
+        let unexplained = remainder(evidence, &standardised, &augmented_bar, &block, self.accuracy_bar(!effects.is_empty()));
         let verdict = match (effects.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Match,
             (true, true) => Verdict::Unexplained,
@@ -95,6 +91,18 @@ impl<'a> Findings<'_, 'a> {
         };
         let recalibration = self.recalibration();
         let mut notes = evidence.notes.clone();
+        match self.good {
+            Some(good) => notes.push(format!(
+                "data of the good valve: {}; the model as given is off by {:.3} bar RMSE there, corrected by it {:.3} bar",
+                good.names.join(", "),
+                good.rmse_bar.0,
+                good.rmse_bar.1
+            )),
+            None if effects.is_empty() => {}
+            None => notes.push(
+                "whether the valve has changed is not said: a drive of the good valve with movements as fast as these would decide it (--reference GOOD.csv, or several recordings to `hil identify`)".into(),
+            ),
+        }
         if !fitter.found.is_empty() {
             let names = fitter.found.iter().map(|id| super::words::title(id)).collect::<Vec<_>>().join(" and ");
             notes.push(format!(
@@ -108,10 +116,12 @@ impl<'a> Findings<'_, 'a> {
             model: self.base.valve.name.clone(),
             verdict,
             summary: String::new(),
+            mistake: None,
             rmse_bar: errors,
             place: locate(evidence, &base_residual, &base_bar),
-            candidates: self.candidates(&effects),
+            candidates: self.candidates(&[effects.as_slice(), form.as_slice()].concat()),
             effects,
+            form,
             recalibration,
             unexplained,
             next_experiment: None,
@@ -158,12 +168,13 @@ impl<'a> Findings<'_, 'a> {
         residual.iter().zip(variance).map(|(e, v)| e * noise / v.sqrt()).collect()
     }
 
-    /// What the base model may be off by without anything being wrong: the sensor noise, or how well the model
-    /// fitted the recording that it was identified on [bar].
-    fn accuracy_bar(&self) -> f64 {
-        let identified = self.base.valve.identification.as_ref().and_then(|i| i.rmse).map_or(0.0, crate::units::Pressure::value);
-        // A poor fit at the identification is a reason for a diagnosis, not an excuse.
-        self.fitter.evidence.noise_bar.max(identified.min(1.5 * self.fitter.evidence.noise_bar))
+    /// Pressure of the model as given [bar].
+    fn as_given(&self) -> Vec<f64> {
+        let mut theta = self.given.calibrated();
+        theta[BASE - 1] = self.given.valve.lag_s;
+        let mut out = Vec::new();
+        Simulator::new(self.fitter.evidence).pressure(self.given, &theta, &mut out);
+        out
     }
 
     /// The effects of the course with their importance.
@@ -189,16 +200,20 @@ impl<'a> Findings<'_, 'a> {
                     })
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
-                let indistinguishable = self.rivals(k, &without, importance);
+                let (share, indistinguishable) = self.rivals(k, &without);
+                let claim = self.claim(effect, &chosen.theta[chosen.model.place(k)]);
                 let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (
                     importance,
                     Finding {
                         id,
+                        claim,
+                        share,
+                        is_class: share < fitter.criteria.name_share,
                         parameters,
                         heldout_gain_bar: gain,
-                        heldout_gain_interval_bar: interval,
+                        heldout_gain_ci_bar: interval,
                         p_value,
                         indistinguishable,
                         evidence,
@@ -218,10 +233,9 @@ impl<'a> Findings<'_, 'a> {
         stood.cloned().fold(refitted, |best, next| if next.bic(effective) < best.bic(effective) { next } else { best })
     }
 
-    /// Effects that in place of number `k` explain the record as well, best first.
-    fn rivals(&self, k: usize, without: &Fit<'a>, importance: f64) -> Vec<String> {
+    /// The posterior share of effect number `k`, and the rest of the credible set in its place, best first.
+    fn rivals(&self, k: usize, without: &Fit<'a>) -> (f64, Vec<String>) {
         let (fitter, chosen) = (self.fitter, &self.search.chosen);
-        let effective = fitter.effective();
         let own = chosen.model.effects[k].id();
         // Those that came close in the round in which it was found; a class mate comes close in every round.
         let near: Vec<&'static dyn Effect> = self
@@ -232,30 +246,40 @@ impl<'a> Findings<'_, 'a> {
             .flat_map(|r| {
                 let mine = r.ranked.iter().find(|c| c.effect.id() == own).map_or(f64::INFINITY, |c| c.fit.bic(r.effective));
                 let gain = r.incumbent.bic(r.effective) - mine;
-                r.ranked.iter().filter(move |c| c.fit.bic(r.effective) < mine + (0.35 * gain).max(VERY_STRONG)).map(|c| c.effect)
+                let close = NEAR * gain;
+                r.ranked.iter().filter(move |c| c.fit.bic(r.effective) < mine + close.max(fitter.criteria.very_strong)).map(|c| c.effect)
             })
             .collect();
-        let mut names: Vec<&'static dyn Effect> = Vec::new();
+        let mut others: Vec<&'static dyn Effect> = Vec::new();
         for e in near {
-            if e.kind() == Kind::Course
-                && !names.iter().any(|n| n.id() == e.id())
-                && !chosen.model.effects.iter().any(|have| have.id() == e.id())
-            {
-                names.push(e);
+            let new = !others.iter().any(|n| n.id() == e.id()) && !chosen.model.effects.iter().any(|have| have.id() == e.id());
+            if e.kind() == Kind::Course && new {
+                others.push(e);
             }
         }
-        names.truncate(6);
-        let mut close: Vec<(f64, &str)> = names
-            .into_par_iter()
+        others.truncate(MOST_FITTED);
+        let fits: Vec<Fit<'a>> = others
+            .par_iter()
             .map(|e| {
-                let ends: Vec<Vec<f64>> = self.search.rounds.iter().filter_map(|round| round.end_of(e)).collect();
-                let screened = fitter.screen(&without.model.with(e, 0.0), without, &ends);
-                (fitter.finish(screened, false).bic(effective), e.id())
+                let ends: Vec<Vec<f64>> = self.search.rounds.iter().filter_map(|round| round.end_of(*e)).collect();
+                let screened = fitter.screen(&without.model.with(*e, 0.0), without, &ends);
+                fitter.finish(screened, false)
             })
-            .filter(|(bic, _)| *bic < chosen.bic(effective) + VERY_STRONG.max(0.05 * importance))
             .collect();
-        close.sort_by(|a, b| a.0.total_cmp(&b.0));
-        close.into_iter().take(MOST_RIVALS).map(|c| c.1.to_string()).collect()
+        let all: Vec<&Fit<'_>> = std::iter::once(chosen).chain(&fits).collect();
+        let shares = posterior::shares(fitter, &all);
+        let mut rest: Vec<(f64, &str)> = shares[1..].iter().copied().zip(others.iter().map(|e| e.id())).collect();
+        rest.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut held = shares[0];
+        let mut members = Vec::new();
+        for (share, id) in rest {
+            if held >= fitter.criteria.credible || members.len() + 1 >= fitter.criteria.members {
+                break;
+            }
+            held += share;
+            members.push(id.to_string());
+        }
+        (shares[0], members)
     }
 
     /// The second best candidate of the first round that led to an effect.
@@ -318,7 +342,7 @@ impl<'a> Findings<'_, 'a> {
     }
 }
 
-fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>) -> (f64, Finding) {
+fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>, good: Option<&Good>) -> (f64, Finding) {
     let f = &s.finding;
     let estimate = |(k, p): (usize, &crate::physics::Parameter)| {
         (
@@ -329,9 +353,12 @@ fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>) -> (f64, Finding) {
     let parameters = s.effect.parameters().iter().enumerate().map(estimate).collect();
     let finding = Finding {
         id: s.effect.id().into(),
+        claim: if good.is_some_and(|g| !g.scatter.contains(&s.effect.id())) { Claim::Changed } else { Claim::Lacks },
+        share: 1.0,
+        is_class: false,
         parameters,
         heldout_gain_bar: rms(&f.spread_bar),
-        heldout_gain_interval_bar: None,
+        heldout_gain_ci_bar: None,
         // Chance of such a likelihood by Wilks' theorem, bounded by what a test of this size can say.
         p_value: (-f.gain_nats).exp().max(1e-6),
         indistinguishable: Vec::new(),

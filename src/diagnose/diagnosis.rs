@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::mistake::Mistake;
 use crate::valve::Valve;
 
 /// The schema key of a diagnosis.
@@ -21,6 +22,28 @@ pub enum Verdict {
     PartlyExplained,
     /// Structure is there and no effect in the library carries it.
     Unexplained,
+    /// Model and recording do not belong together: no cause was looked for.
+    NotComparable,
+}
+
+/// Which question an effect answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Claim {
+    /// The model has no such physics; that the valve has changed is not said.
+    Lacks,
+    /// The valve has changed: data of the good valve excludes it.
+    Changed,
+}
+
+impl Claim {
+    /// The claim in words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Lacks => "the model lacks it; whether the valve has changed is not said",
+            Self::Changed => "the valve has changed by it: data of the good valve excludes it",
+        }
+    }
 }
 
 /// A diagnosis of one recording against one model.
@@ -36,10 +59,14 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The answer in one paragraph.
     pub summary: String,
+    /// The likely mistake where the verdict is `not_comparable`, otherwise `null`.
+    pub mistake: Option<Mistake>,
     /// Errors of the models.
     pub rmse_bar: Errors,
-    /// What is missing, most important first.
+    /// What is missing or has changed, most important first.
     pub effects: Vec<Finding>,
+    /// Corrections of the curve, the hysteresis or the dynamics that say nothing of a fault.
+    pub form: Vec<Finding>,
     /// What a recalibration of the base would change: name, value and unit, where it is more than a trifle.
     pub recalibration: Vec<Change>,
     /// Where the base model errs.
@@ -84,17 +111,24 @@ pub struct Estimate {
 /// One effect that is missing in the model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// Id of the effect.
+    /// Id of the effect; of a class that cannot be told apart its likeliest member.
     pub id: String,
+    /// Whether the model lacks it or the valve has changed by it.
+    pub claim: Claim,
+    /// Posterior share of the name among all that could stand in its place.
+    pub share: f64,
+    /// Whether only the class is claimed: no single name has the share that a name needs.
+    #[serde(rename = "class")]
+    pub is_class: bool,
     /// Its parameters.
     pub parameters: BTreeMap<String, Estimate>,
     /// How much the held-out error grows without it [bar]; for an effect of the scatter its part of the error.
     pub heldout_gain_bar: f64,
     /// 95 % interval of that gain over the held-out blocks [bar].
-    pub heldout_gain_interval_bar: Option<(f64, f64)>,
+    pub heldout_gain_ci_bar: Option<(f64, f64)>,
     /// Chance of such a gain were the effect not there, from sign flips of the held-out blocks.
     pub p_value: f64,
-    /// Effects that explain this recording as well, best first.
+    /// The rest of the credible set (90 %), best first.
     pub indistinguishable: Vec<String>,
     /// What speaks for it.
     pub evidence: String,
@@ -256,8 +290,10 @@ pub(crate) mod tests {
             model: "paper".into(),
             verdict: Verdict::Match,
             summary: String::new(),
+            mistake: None,
             rmse_bar: Errors { base: 0.02, base_heldout: 0.02, refit_heldout: 0.02, augmented_heldout: 0.02, noise_floor: 0.02 },
             effects: Vec::new(),
+            form: Vec::new(),
             recalibration: Vec::new(),
             place: Place::default(),
             candidates: Vec::new(),

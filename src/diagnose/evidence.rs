@@ -48,33 +48,6 @@ impl Evidence {
         high - low > least
     }
 
-    /// Why this cannot be a recording of this valve: current or pressure of another order of magnitude.
-    pub fn mismatch(&self, valve: &crate::valve::Valve) -> Option<String> {
-        let most = |values: &dyn Fn(&Run) -> &[f64]| {
-            self.grids.iter().flat_map(|g| values(g).iter()).filter(|v| v.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()))
-        };
-        let (current, pressure) = (most(&|g| &g.current_a), most(&|g| &g.pressure_bar));
-        let limit = valve.current_limits_a.1.abs().max(valve.current_limits_a.0.abs());
-        if current > 20.0 * limit {
-            return Some(format!(
-                "the current reaches {current} A, but the valve takes at most {limit} A; is the channel in mA? (--map current_a=\"NAME [mA]\")"
-            ));
-        }
-        if current < 0.01 * limit {
-            return Some(format!(
-                "the current stays below {current} A, a hundredth of the valve's {limit} A: wrong unit, or no excitation"
-            ));
-        }
-        let (low, high) = valve.curves.pressure_range_bar();
-        let reach = low.abs().max(high.abs());
-        if pressure > 30.0 * reach {
-            return Some(format!(
-                "the pressure reaches {pressure} bar, the model {reach:.1} bar; is the channel in another unit? (--map pressure_bar=\"NAME [kPa]\")"
-            ));
-        }
-        None
-    }
-
     /// Whether the current rests but for steps.
     pub fn is_of_steps(&self) -> bool {
         let all = || self.grids.iter().flat_map(|g| g.current_a.iter());

@@ -1,5 +1,6 @@
 //! A fit, and what it is judged by.
 
+use super::criteria::Criteria;
 use super::evidence::Evidence;
 use super::loss;
 use super::model::{Free, Model, Simulator};
@@ -56,6 +57,10 @@ pub struct Fitter<'e> {
     /// Whether fits minimise the squared error instead of the t loss: in a recording of steps the few samples of a
     /// transient are what matters, and the t loss takes them for its tails.
     pub squared: bool,
+    /// How far the model is off where nothing is wrong: the sensor noise, and with data of the good valve its form error [bar].
+    pub floor_bar: f64,
+    /// The thresholds.
+    pub criteria: Criteria,
     /// Effects found before by stretches of the recording that no simulation can follow.
     pub found: Vec<&'static str>,
 }
@@ -63,7 +68,15 @@ pub struct Fitter<'e> {
 impl<'e> Fitter<'e> {
     /// For all of the evidence, with the correlation still unknown.
     pub fn new(evidence: &'e Evidence) -> Self {
-        Self { evidence, measured: evidence.pressure_bar(), tau_samples: 20.0, squared: evidence.is_of_steps(), found: Vec::new() }
+        Self {
+            evidence,
+            measured: evidence.pressure_bar(),
+            tau_samples: 20.0,
+            squared: evidence.is_of_steps(),
+            floor_bar: evidence.noise_bar,
+            criteria: Criteria::default(),
+            found: Vec::new(),
+        }
     }
 
     /// Number of used samples.

@@ -6,7 +6,7 @@
 use rand::{RngExt, SeedableRng};
 
 use super::fit::{Fit, Fitter};
-use super::model::Simulator;
+use super::model::{BASE, DELAY, Simulator};
 
 /// Longest block [s].
 const BLOCK_S: f64 = 5.0;
@@ -93,13 +93,30 @@ pub fn blocks(fitter: &Fitter<'_>) -> Vec<usize> {
     out
 }
 
+/// How long the base of a model remembers: delay and five times its lag [samples], so that what a fit sees at the edge of
+/// a block tells nothing of the next; at most a quarter of a block.
+fn gap_samples(fitter: &Fitter<'_>, fit: &Fit<'_>) -> usize {
+    let dt_s = fitter.evidence.step_s();
+    let memory_s = fit.theta[DELAY] + 4.0 * fit.theta[BASE - 1];
+    let longest = 0.25 * BLOCK_S.min(fitter.measured.len() as f64 * dt_s / FEWEST_BLOCKS as f64);
+    (memory_s.min(longest) / dt_s).ceil() as usize
+}
+
+/// The samples that lie within `gap` samples of another block.
+fn guards(block: &[usize], gap: usize) -> Vec<bool> {
+    let other = |k: usize, at: usize| block.get(at).is_some_and(|b| *b != block[k]);
+    (0..block.len()).map(|k| other(k, k.saturating_sub(gap)) || other(k, k + gap)).collect()
+}
+
 /// The held-out residual of a model fitted before on everything: refitted on each half, `steps` steps from there.
 pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
     let block = blocks(fitter);
+    let near = guards(&block, gap_samples(fitter, fit));
     let mut residual = vec![f64::NAN; fitter.measured.len()];
     let mut predicted = Vec::new();
     for half in 0..2 {
-        let measured = fitter.measured.iter().zip(&block).map(|(y, b)| if b % 2 == half { f64::NAN } else { *y }).collect();
+        let seen = |((y, b), near): ((&f64, &usize), &bool)| if b % 2 == half || *near { f64::NAN } else { *y };
+        let measured = fitter.measured.iter().zip(&block).zip(&near).map(seen).collect();
         let other = Fitter { measured, tau_samples: fitter.tau_samples, squared: fitter.squared, ..Fitter::new(fitter.evidence) };
         let theta = if steps == 0 { fit.theta.clone() } else { other.polish(&fit.model, &fit.theta, steps).theta };
         Simulator::new(fitter.evidence).pressure(&fit.model, &theta, &mut predicted);
@@ -110,4 +127,60 @@ pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
         }
     }
     HeldOut { residual, block }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn held(residual: impl Fn(usize) -> f64) -> HeldOut {
+        HeldOut { residual: (0..2400).map(residual).collect(), block: (0..2400).map(|k| k / 100).collect() }
+    }
+
+    /// Noise that repeats nowhere.
+    fn chance(seed: usize) -> impl Fn(usize) -> f64 {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed as u64);
+        let values: Vec<f64> = (0..2400).map(|_| random.random::<f64>() - 0.5).collect();
+        move |k| values[k]
+    }
+
+    #[test]
+    fn a_model_that_predicts_worse_gains_nothing_and_the_better_one_does() {
+        let (good, bad) = (held(chance(1)), {
+            let same = chance(1);
+            held(move |k| 1.5 * same(k))
+        });
+        let (gain, interval, p_value) = good.gain_over(&bad);
+        assert!(gain > 0.0 && interval.unwrap().0 > 0.0 && p_value < 0.01, "{gain} {interval:?} {p_value}");
+        let (loss, interval, p_value) = bad.gain_over(&good);
+        assert!(loss < 0.0 && interval.unwrap().1 < 0.0 && p_value > 0.99, "{loss} {interval:?} {p_value}");
+    }
+
+    #[test]
+    fn under_the_null_p_is_uniform_and_the_interval_covers() {
+        let n = 200;
+        let (mut below, mut covered) = ([0usize; 3], 0usize);
+        for k in 0..n {
+            let (_, interval, p_value) = held(chance(2 * k + 10)).gain_over(&held(chance(2 * k + 11)));
+            for (count, level) in below.iter_mut().zip([0.05, 0.25, 0.5]) {
+                *count += usize::from(p_value <= level);
+            }
+            covered += usize::from(interval.is_some_and(|(low, high)| low <= 0.0 && high >= 0.0));
+        }
+        // Three standard deviations of a binomial count about its mean.
+        for (count, level) in below.iter().zip([0.05, 0.25, 0.5]) {
+            let spread = 3.0 * (n as f64 * level * (1.0 - level)).sqrt();
+            assert!((*count as f64 - n as f64 * level).abs() < spread, "{count} of {n} at {level}");
+        }
+        assert!((170..=199).contains(&covered), "{covered} of {n}");
+    }
+
+    #[test]
+    fn a_guard_lies_on_both_sides_of_every_edge() {
+        let block: Vec<usize> = (0..30).map(|k| k / 10).collect();
+        let near = guards(&block, 2);
+        let kept: Vec<usize> = (0..30).filter(|k| !near[*k]).collect();
+        assert_eq!(kept, [0, 1, 2, 3, 4, 5, 6, 7, 12, 13, 14, 15, 16, 17, 22, 23, 24, 25, 26, 27, 28, 29]);
+        assert!(guards(&block, 0).iter().all(|g| !g));
+    }
 }

@@ -4,18 +4,27 @@
 //! with the base model; "recalibrate only" gets the same effort. The choice is by BIC on effective samples and by
 //! what held-out stretches show. This room knows no effect by name.
 
+mod claims;
+mod comparable;
 mod conclude;
+mod criteria;
 mod descent;
 mod diagnosis;
+mod error;
 mod evidence;
 mod experiment;
 mod fit;
+mod good;
 mod heldout;
+mod incomparable;
 mod locate;
 mod loss;
+mod mistake;
 mod model;
+mod posterior;
 mod remainder;
 mod rival;
+mod scatter;
 mod screen;
 mod search;
 mod signature;
@@ -25,54 +34,51 @@ mod story;
 mod words;
 
 pub use diagnosis::{
-    Candidate, Change, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, Rival, SCHEMA,
-    Verdict, Window,
+    Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, Rival,
+    SCHEMA, Verdict, Window,
 };
+pub use error::DiagnoseError;
+pub use mistake::Mistake;
 pub use signature::{Axis, Signature};
 pub use story::{Cell, RunStory, Slice, Story, Strip, story};
 pub use words::{figure, paragraph, title, uncertainty};
 
-use conclude::{Findings, Scattered};
+use conclude::Findings;
+use criteria::Criteria;
 use evidence::Evidence;
 use fit::Fitter;
-use model::{Model, Simulator};
+use good::Good;
+use model::Model;
+use scatter::scatter;
 
-use crate::course::{Course, CourseError, Preparation};
-use crate::physics::{EFFECTS, Effect, Kind, Scatter};
+use crate::course::{Course, Preparation};
+use crate::physics::Kind;
 use crate::recording::Recording;
 use crate::valve::Valve;
-
-/// Why a recording cannot be diagnosed.
-#[derive(Debug, thiserror::Error)]
-pub enum DiagnoseError {
-    /// The recording cannot carry a diagnosis.
-    #[error("{source_name}: {problem}")]
-    Recording {
-        /// The recording.
-        source_name: String,
-        /// What is missing, and what is wanted.
-        problem: String,
-    },
-    /// It cannot be compared with any model.
-    #[error(transparent)]
-    Course(#[from] CourseError),
-    /// The model cannot be simulated.
-    #[error("{model}: {source}")]
-    Model {
-        /// The model's name.
-        model: String,
-        /// What is wrong.
-        source: Box<crate::physics::PhysicsError>,
-    },
-}
 
 /// Diagnoses a recording against a model.
 ///
 /// # Errors
-/// [`DiagnoseError`] where the recording is too short, has no excitation or no pressure, or the model cannot be simulated.
+/// [`DiagnoseError`] where the recording is too short or has no pressure, or the model cannot be simulated.
 pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, DiagnoseError> {
+    diagnose_against(recording, valve, &[])
+}
+
+/// Diagnoses a recording against a model and data of the good valve, which decides what has changed. Of `good`, those
+/// recordings count that move about as fast as this one.
+///
+/// # Errors
+/// As [`diagnose`]; also where data of the good valve does not belong to the model.
+pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
     let mut evidence = Evidence::of(Course::of(recording, &Preparation::default())?)?;
-    let mut base = Model::base(valve).map_err(|source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) })?;
+    let model_error = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
+    let given = Model::base(valve).map_err(model_error)?;
+    if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
+        return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
+    }
+    let speaking = good::speaking(&evidence, good, &Criteria::default());
+    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve)?) };
+    let mut base = Model::base(good.as_ref().map_or(valve, |g| &g.valve)).map_err(model_error)?;
     if evidence.is_slow() {
         base = base.of_process(evidence.step_s());
         evidence.notes.push(format!(
@@ -80,11 +86,11 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
             evidence.step_s()
         ));
     }
-    if let Some(problem) = evidence.mismatch(valve) {
-        return Err(DiagnoseError::Recording { source_name: recording.source.clone(), problem });
-    }
     evidence.notes.extend(valve.warnings());
     let mut fitter = Fitter::new(&evidence);
+    if let Some(good) = &good {
+        fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());
+    }
     for k in start::unsettled(&evidence, &base) {
         fitter.measured[k] = f64::NAN;
     }
@@ -106,27 +112,10 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
     // What only the scatter shows is looked for about the best course.
     let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
     scattered.extend(late);
-    let mut found = Findings { recording, base: &base, fitter: &fitter, search: &search, scattered }.conclude();
+    let findings = Findings { recording, given: &given, base: &base, good: good.as_ref(), fitter: &fitter, search: &search, scattered };
+    let mut found = findings.conclude();
     found.diagnosis.next_experiment = experiment::next_experiment(&found);
     Ok(found)
-}
-
-/// Those of the effects asked for whose signature shows in the scatter about this fit, or in stretches of their own.
-fn scatter(fitter: &Fitter<'_>, fit: &fit::Fit<'_>, asked: impl Fn(&dyn Effect) -> bool) -> Vec<Scattered> {
-    let mut simulated = Vec::new();
-    Simulator::new(fitter.evidence).pressure(&fit.model, &fit.theta, &mut simulated);
-    let look = Scatter {
-        dt_s: fitter.evidence.step_s(),
-        noise_bar: fitter.evidence.noise_bar,
-        measured_bar: &fitter.measured,
-        simulated_bar: &simulated,
-    };
-    EFFECTS
-        .iter()
-        .copied()
-        .filter(|e| asked(*e))
-        .filter_map(|effect| effect.scatter(&look).map(|finding| Scattered { effect, finding }))
-        .collect()
 }
 
 #[cfg(test)]

@@ -5,37 +5,27 @@ use rayon::prelude::*;
 use super::fit::{Fit, Fitter};
 use super::heldout::held_out;
 use super::loss;
-use super::model::{Model, Simulator};
+use super::model::{BASE, Model, Simulator};
 use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 
 /// Most effects that are claimed at once.
 pub const MOST_EFFECTS: usize = 3;
-/// A difference of BIC that counts as very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
-pub const VERY_STRONG: f64 = 10.0;
 /// A candidate with this share of the best one's gain is as good.
 const AS_GOOD: f64 = 0.985;
 /// A difference of BIC that says nothing.
 const TIE: f64 = 1.0;
 /// Share of the gain of a free form from which on a cause goes before it.
 const CAUSE_FIRST: f64 = 0.5;
-/// Beyond this the evidence counts even where what is explained lies within the noise, as a faint tone does.
-const OVERWHELMING: f64 = 150.0;
 /// Bounds on how many samples count as one.
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
-/// A finding must lower the scale or the RMSE of the residual by this share,
-const WORTH: f64 = 0.05;
-/// what the new model explains beyond the old must have at least this RMS, in units of the sensor noise,
-const NET: f64 = 0.75;
-/// and so must what the effect itself does to the pressure.
-const TRIFLE: f64 = 0.5;
 /// Share of the best candidate's gain after a few steps from which on a candidate is fitted to the end,
 const PROMISING: f64 = 0.3;
 /// and how many are in any case.
 const FINALISTS: usize = 8;
-/// Chance of its held-out gain up to which a further effect is confirmed.
-const CONFIRMED: f64 = 0.05;
-/// RMS of a residual with structure in it, in units of the sensor noise.
-const REMAINS: f64 = 4.0;
+/// Candidates within this difference of BIC of the best one get its base,
+const HANDED_NATS: f64 = 60.0;
+/// and so many steps from there.
+const HANDED_STEPS: usize = 5;
 
 /// One candidate of one round.
 pub struct Ranked<'a> {
@@ -89,6 +79,7 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
             fitter.tau_samples = correlation(fitter, &best);
         }
         let effective = fitter.effective();
+        hand_back(fitter, &chosen, &mut ranked);
         simplify(fitter, &mut ranked);
         ranked.sort_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective)));
         chosen = same_effort(fitter, chosen, &ranked);
@@ -105,27 +96,43 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
     Search { null, chosen: confirmed(fitter, chosen), rounds }
 }
 
-/// The effects but the first, less those that held-out stretches do not confirm: the last one to have been found is
-/// looked at first. An effect that takes the place of a recalibration needs no gain of its own, nor does one with a
-/// signature. Of steps, which are few events, and where structure remains, the first is not believed either.
+/// The effects less those that held-out stretches do not confirm: the last one to have been found is looked at first. An
+/// effect that takes the place of a recalibration needs no gain of its own, nor does one with a signature.
 fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>) -> Fit<'a> {
-    let remains = fit.rmse_bar > REMAINS * fitter.evidence.noise_bar;
-    let believed = if fitter.squared || remains { 0 } else { 1 };
     let mut k = fit.model.effects.len();
-    while k > believed && fit.model.effects.len() > believed {
+    while k > 0 {
         k -= 1;
         let mut start = fit.theta.clone();
         start.drain(fit.model.place(k));
         let less = fitter.refit(&fit.model.without(k), &start);
         let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
         let (_, interval, p_value) = with.gain_over(&without);
-        let stood_in = !fitter.squared && less.prior_nats - fit.prior_nats > 0.5 * VERY_STRONG;
-        let signed = fit.model.signature_nats() - less.model.signature_nats() > VERY_STRONG;
-        if !stood_in && !signed && p_value > CONFIRMED && interval.is_some_and(|i| i.0 <= 0.0) {
+        let stood_in = !fitter.squared && less.prior_nats - fit.prior_nats > 0.5 * fitter.criteria.very_strong;
+        let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
+        if !stood_in && !signed && p_value > fitter.criteria.confirmed && interval.is_some_and(|i| i.0 <= 0.0) {
             fit = less;
         }
     }
     fit
+}
+
+/// The candidates once more, each from the best base that anyone has found: otherwise one loses by a base that it did not
+/// reach, and one that holds the incumbent within it may even stand behind it.
+fn hand_back<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &mut [Ranked<'a>]) {
+    let effective = fitter.effective();
+    let Some(best) = ranked.iter().min_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective))) else { return };
+    let (best_bic, base) = (best.fit.bic(effective), best.fit.theta[..BASE].to_vec());
+    let own = incumbent.theta.len();
+    let near = |fit: &Fit<'_>| fit.bic(effective) < best_bic + HANDED_NATS || fit.bic(effective) > incumbent.bic(effective);
+    ranked.par_iter_mut().filter(|r| near(&r.fit) && r.fit.theta[..BASE] != base[..]).for_each(|r| {
+        for from in [&base[..], &incumbent.theta[..BASE]] {
+            let theta = [from, &incumbent.theta[BASE..own], &r.fit.theta[own..]].concat();
+            let next = fitter.polish(&r.fit.model, &theta, HANDED_STEPS);
+            if fitter.objective(&next) < fitter.objective(&r.fit) {
+                r.fit = next;
+            }
+        }
+    });
 }
 
 /// The candidates that may still win, each with no more free parameters than it needs.
@@ -135,7 +142,7 @@ fn simplify(fitter: &Fitter<'_>, ranked: &mut [Ranked<'_>]) {
     let most = |r: &Ranked<'_>| r.effect.parameters().len() as f64 * effective.ln();
     ranked
         .par_iter_mut()
-        .filter(|r| r.effect.kind() == Kind::Course && r.fit.bic(effective) < best + most(r) + VERY_STRONG)
+        .filter(|r| r.effect.kind() == Kind::Course && r.fit.bic(effective) < best + most(r) + fitter.criteria.very_strong)
         .for_each(|r| r.fit = fitter.simplified(r.fit.clone()));
 }
 
@@ -172,7 +179,7 @@ fn same_effort<'a>(fitter: &Fitter<'_>, incumbent: Fit<'a>, ranked: &[Ranked<'a>
 
 /// How many of these effects count against [`MOST_EFFECTS`].
 fn counted(effects: &[&'static dyn Effect]) -> usize {
-    effects.iter().filter(|e| e.kind() == Kind::Course).count()
+    effects.iter().filter(|e| !e.imitates_form()).count()
 }
 
 /// Every effect of the course that the incumbent does not have, fitted jointly with it. A recording that is slower than a
@@ -246,16 +253,17 @@ fn correlation(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
 fn worth(fitter: &Fitter<'_>, incumbent: &Fit<'_>, next: &Fit<'_>) -> bool {
     let effective = fitter.effective();
     let gain = incumbent.bic(effective) - next.bic(effective);
-    if gain < VERY_STRONG {
+    if gain < fitter.criteria.very_strong {
         return false;
     }
-    let faint = gain > OVERWHELMING && next.model.effects.last().is_some_and(|e| e.kind() == Kind::Course);
-    let closer = next.scale_bar < (1.0 - WORTH) * incumbent.scale_bar || next.rmse_bar < (1.0 - WORTH) * incumbent.rmse_bar;
+    let faint = gain > fitter.criteria.overwhelming && next.model.effects.last().is_some_and(|e| !e.imitates_form());
+    let closer = next.scale_bar < (1.0 - fitter.criteria.worth) * incumbent.scale_bar
+        || next.rmse_bar < (1.0 - fitter.criteria.worth) * incumbent.rmse_bar;
     // A parameter of the calibration had to stand in for it, far from where the calibration found it.
-    let stood_in = incumbent.prior_nats - next.prior_nats > 0.5 * VERY_STRONG;
-    let noise = fitter.evidence.noise_bar;
-    (stood_in || closer && (faint || explained_rms(fitter, incumbent, next) > NET * noise))
-        && own_rms(fitter, next, next.model.effects.len() - 1) > TRIFLE * noise
+    let stood_in = incumbent.prior_nats - next.prior_nats > 0.5 * fitter.criteria.very_strong;
+    let noise = fitter.floor_bar;
+    (stood_in || closer && (faint || explained_rms(fitter, incumbent, next) > fitter.criteria.net * noise))
+        && own_rms(fitter, next, next.model.effects.len() - 1) > fitter.criteria.trifle * noise
 }
 
 /// RMS of what effect number `k` of a fit does to the pressure, all else equal [bar].
@@ -287,7 +295,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
         let mut start = fit.theta.clone();
         start.drain(fit.model.place(k));
         let less = fitter.refit(&less_model, &start);
-        if less.bic(effective) < fit.bic(effective) + VERY_STRONG * 0.5 {
+        if less.bic(effective) < fit.bic(effective) + fitter.criteria.very_strong * 0.5 {
             fit = less;
             continue;
         }
@@ -303,7 +311,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
             .map(|e| fitter.fit_new(&less_model.with(e, 0.0), &less, &[]))
             .collect();
         if let Some(better) = swapped.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)))
-            && better.bic(effective) < fit.bic(effective) - VERY_STRONG
+            && better.bic(effective) < fit.bic(effective) - fitter.criteria.very_strong
         {
             fit = better;
             // The newcomer stands last now; the one that moved to this place is looked at next.

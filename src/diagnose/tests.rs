@@ -78,7 +78,7 @@ fn what_was_concealed_comes_out_with_its_size() {
     for (id, theta) in cases {
         let found = concealing(id, theta);
         let d = &found.diagnosis;
-        let first = d.effects.first().unwrap_or_else(|| panic!("{id}: {}", d.summary));
+        let first = d.effects.first().or(d.form.first()).unwrap_or_else(|| panic!("{id}: {}", d.summary));
         assert!(first.id == id || first.indistinguishable.iter().any(|r| r == id), "{id}: {}", d.summary);
         assert!(d.rmse_bar.augmented_heldout < 1.15 * NOISE_BAR, "{id}: {}", d.summary);
         if first.id == id {
@@ -128,11 +128,82 @@ fn a_recording_that_carries_no_diagnosis_is_refused_with_the_reason() {
     };
     assert!(with(&|r| r.pressure_bar = None).contains("pressure_bar"));
     assert!(with(&|r| r.current_a.fill(0.5)).contains("current is constant"));
-    assert!(with(&|r| r.current_a.iter_mut().for_each(|i| *i *= 1000.0)).contains("mA"));
     let short = with(&|r| {
         r.time_s.truncate(50);
         r.current_a.truncate(50);
         r.pressure_bar.as_mut().unwrap().truncate(50);
     });
     assert!(short.contains("at least 200"), "{short}");
+}
+
+#[test]
+fn what_does_not_belong_together_is_told_with_the_mapping_that_mends_it() {
+    let whole = recording(&valve());
+    let scaled = |values: &mut [f64], factor: f64| values.iter_mut().for_each(|v| *v *= factor);
+    let pressure = |r: &mut Run, change: &dyn Fn(&mut Vec<f64>)| change(r.pressure_bar.as_mut().unwrap());
+    type Break<'b> = (&'b str, &'b dyn Fn(&mut Run));
+    let cases: [Break<'_>; 18] = [
+        ("[psi]", &|r| pressure(r, &|p| scaled(p, 14.503_773_8))),
+        ("[MPa]", &|r| pressure(r, &|p| scaled(p, 0.1))),
+        ("[kPa]", &|r| pressure(r, &|p| scaled(p, 100.0))),
+        ("[Pa]", &|r| pressure(r, &|p| scaled(p, 1e5))),
+        ("0.1 * pressure_bar", &|r| pressure(r, &|p| scaled(p, 10.0))),
+        ("current_a [mA]", &|r| scaled(&mut r.current_a, 1e3)),
+        ("time_s [ms]", &|r| scaled(&mut r.time_s, 1e3)),
+        ("-1 * pressure_bar", &|r| pressure(r, &|p| scaled(p, -1.0))),
+        ("-1 * current_a", &|r| scaled(&mut r.current_a, -1.0)),
+        ("--falling", &|r| pressure(r, &|p| p.iter_mut().for_each(|v| *v = 30.0 - *v))),
+        ("pressure_bar=current_a", &|r| std::mem::swap(&mut r.current_a, r.pressure_bar.as_mut().unwrap())),
+        ("leads the current", &|r| pressure(r, &|p| p.rotate_left(150))),
+        ("later than the model", &|r| pressure(r, &|p| p.rotate_right(200))),
+        ("does not follow the current", &|r| pressure(r, &|p| (0..p.len()).for_each(|k| p.swap(k, (k * 7919 + 13) % 6000)))),
+        ("does not follow the current", &|r| {
+            pressure(r, &|p| p.iter_mut().enumerate().for_each(|(k, v)| *v = 9.0 + ((k * 7919) % 101) as f64 / 50.0))
+        }),
+        ("stands still", &|r| pressure(r, &|p| p.iter_mut().for_each(|v| *v = 5.0))),
+        ("hardly moves", &|r| {
+            r.current_a.iter_mut().for_each(|i| *i = 0.5 + 1e-6 * *i);
+            pressure(r, &|p| p.iter_mut().enumerate().for_each(|(k, v)| *v = 9.0 + 0.05 * ((k * 7919) % 101) as f64 / 50.0));
+        }),
+        ("another valve", &|r| pressure(r, &|p| p.iter_mut().for_each(|v| *v = 2.4 * *v - 9.0))),
+    ];
+    for (said, change) in cases {
+        let mut broken = whole.clone();
+        change(&mut broken.runs[0]);
+        let d = diagnose(&broken, &valve()).unwrap().diagnosis;
+        assert_eq!(d.verdict, Verdict::NotComparable, "{said}: {}", d.summary);
+        assert!(d.effects.is_empty() && d.form.is_empty() && d.summary.contains(said), "{said}: {}", d.summary);
+    }
+}
+
+/// The same valve with other noise, driven the other way round in time.
+fn another_drive(of: &Valve) -> Recording {
+    let (time_s, mut current_a) = drive();
+    current_a.reverse();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(9);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    let pressure = simulate(of, Input::Ramp, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    Recording { source: "good.csv".into(), runs: vec![run], notes: vec![] }
+}
+
+#[test]
+fn what_the_good_valve_has_is_form_and_what_its_data_excludes_has_changed() {
+    let mut good = valve();
+    good.effects.push(specification(effect("first_order_lag").unwrap(), &[0.05, 1.0]));
+    let reference = [another_drive(&good)];
+    let healthy = diagnose_against(&recording(&good), &valve(), &reference).unwrap().diagnosis;
+    assert_eq!(healthy.verdict, Verdict::Match, "{}", healthy.summary);
+    assert!(healthy.form.iter().any(|f| f.claim == Claim::Lacks), "{}", healthy.summary);
+
+    let mut worn = good.clone();
+    worn.effects.insert(0, specification(effect("reversal_dead_band").unwrap(), &[0.03]));
+    let changed = diagnose_against(&recording(&worn), &valve(), &reference).unwrap().diagnosis;
+    let first = changed.effects.first().unwrap_or_else(|| panic!("{}", changed.summary));
+    assert_eq!((first.id.as_str(), first.claim), ("reversal_dead_band", Claim::Changed), "{}", changed.summary);
+
+    // Without that data nothing is claimed to have changed, and a dead band may be the form of the loop.
+    let alone = diagnose(&recording(&worn), &valve()).unwrap().diagnosis;
+    assert!(alone.effects.iter().all(|f| f.claim == Claim::Lacks && f.id != "reversal_dead_band"), "{}", alone.summary);
+    assert!(alone.form.iter().any(|f| f.id == "reversal_dead_band"), "{}", alone.summary);
 }

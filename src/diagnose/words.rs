@@ -75,6 +75,8 @@ pub fn summary(d: &Diagnosis) -> String {
         Verdict::PartlyExplained => {
             format!("Missing in the model, among other things: {found}. {error} {held} {rest} I do not know what that is.")
         }
+        // Said where it is found.
+        Verdict::NotComparable => d.summary.clone(),
         Verdict::Unexplained => format!("Something is missing, but none of the effects in the library explains it. {error} {rest}"),
     }
 }

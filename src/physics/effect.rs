@@ -113,6 +113,11 @@ pub trait Effect: Sync {
     fn kind(&self) -> Kind {
         Kind::Course
     }
+    /// Whether it acts on a loop as another form of the hysteresis would, so that only data of the good valve can tell a
+    /// change from a form that the model never had.
+    fn imitates_form(&self) -> bool {
+        self.kind() == Kind::Form
+    }
     /// Its parameters.
     fn parameters(&self) -> &'static [Parameter];
     /// The effect at work.

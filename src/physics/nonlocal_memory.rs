@@ -32,6 +32,9 @@ impl Effect for NonlocalMemory {
     fn stage(&self) -> Stage {
         Stage::Static
     }
+    fn imitates_form(&self) -> bool {
+        true
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 3] = [
             Parameter {

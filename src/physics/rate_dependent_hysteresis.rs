@@ -31,6 +31,9 @@ impl Effect for RateDependentHysteresis {
     fn stage(&self) -> Stage {
         Stage::Static
     }
+    fn imitates_form(&self) -> bool {
+        true
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 4] = [
             Parameter {

@@ -28,6 +28,9 @@ impl Effect for ReversalDeadBand {
     fn stage(&self) -> Stage {
         Stage::Spool
     }
+    fn imitates_form(&self) -> bool {
+        true
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 1] = [Parameter {
             name: "width",

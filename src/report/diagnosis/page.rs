@@ -45,6 +45,11 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
             @if let Some(signature) = &story.signature { (drawings::signature(d, signature)) }
             @for (n, finding) in d.effects.iter().enumerate() { (tables::finding(n + 1, finding)) }
         }
+        @if !d.form.is_empty() {
+            h2 { "Form of curve, hysteresis and dynamics" }
+            p.soft.hint { "Corrections that say nothing of a fault: this model may never have had the form of this valve." }
+            @for (n, finding) in d.form.iter().enumerate() { (tables::finding(n + 1, finding)) }
+        }
         @if !d.recalibration.is_empty() { (tables::recalibration(d)) }
         @if let Some(rest) = &d.unexplained { h2 { "What is left" } (tables::remainder(rest)) @if let Some(s) = &story.rest { (drawings::rest(d, s)) } }
         h2 { "What was tried" }
@@ -70,6 +75,7 @@ fn verdict(verdict: Verdict) -> (&'static str, &'static str) {
         Verdict::Explained => ("EXPLAINED", "explained"),
         Verdict::PartlyExplained => ("PARTLY EXPLAINED", "partly"),
         Verdict::Unexplained => ("UNEXPLAINED", "unexplained"),
+        Verdict::NotComparable => ("NOT COMPARABLE", "unexplained"),
     }
 }
 
@@ -86,6 +92,7 @@ fn answer(d: &Diagnosis) -> String {
         Verdict::Explained => format!("Missing in the model: {named}"),
         Verdict::PartlyExplained => format!("Missing in the model: {named}, and something unknown"),
         Verdict::Unexplained => "Something is missing that the library does not hold".into(),
+        Verdict::NotComparable => "Model and recording do not belong together".into(),
     }
 }
 

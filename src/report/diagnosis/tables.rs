@@ -93,7 +93,8 @@ pub fn finding(n: usize, f: &Finding) -> Markup {
     let meaning = |name: &str| known.and_then(|e| e.parameters().iter().find(|p| p.name == name)).map_or("", |p| p.meaning);
     html! {
         .card {
-            h3 style="margin-top:0" { (n) ". " (title(&f.id)) " " span.soft { "(" code { (f.id) } ")" } }
+            h3 style="margin-top:0" { (n) ". " (title(&f.id)) " " span.soft { "(" code { (f.id) } ")" @if f.is_class { " or another of its class" } } }
+            p { b { (f.claim.text()) } (format!(", posterior share {:.0} %.", 100.0 * f.share)) }
             @if !what.is_empty() { p { (sentence(&what)) } }
             .scroll { table {
                 thead { tr { th { "parameter" } th.num { "value" } th { "standard error" } th { "meaning" } } }
@@ -105,7 +106,7 @@ pub fn finding(n: usize, f: &Finding) -> Markup {
             } }
             p { b { "Evidence: " } (f.evidence.trim_end_matches('.')) "." }
             p { b { "Gain on held-out data: " } (format!("{:.3} bar", f.heldout_gain_bar))
-                @if let Some((low, high)) = f.heldout_gain_interval_bar { (format!(" (95 %: {low:.3} to {high:.3} bar)")) }
+                @if let Some((low, high)) = f.heldout_gain_ci_bar { (format!(" (95 %: {low:.3} to {high:.3} bar)")) }
                 (format!(", p = {:.4}.", f.p_value)) }
             @if !f.indistinguishable.is_empty() {
                 p { b { "Explains this recording as well: " }
@@ -225,6 +226,7 @@ pub fn next(d: &Diagnosis) -> Markup {
             @match d.verdict {
                 Verdict::Match => p { "Nothing. The model may be used as it is." },
                 Verdict::Explained => p { "Use the augmented model (" code { "-o FILE" } ") for simulation, margins and tuning, or mend the valve and record again." },
+                Verdict::NotComparable => p { "Mend what the answer names and diagnose again." },
                 Verdict::PartlyExplained | Verdict::Unexplained => p { "Look at the stretches with the largest error above; record the same drive again: what comes back is in the valve, what does not is in the day or the bench." },
             }
         }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::diagnose::{Diagnosis, Verdict, figure, title, uncertainty};
+use crate::diagnose::{Diagnosis, Finding, Verdict, figure, title, uncertainty};
 use crate::report::{COLUMNS, fold};
 
 /// The diagnosis as text.
@@ -13,9 +13,14 @@ pub fn text(d: &Diagnosis) -> String {
         Verdict::Explained => "EXPLAINED",
         Verdict::PartlyExplained => "PARTLY EXPLAINED: structure remains",
         Verdict::Unexplained => "UNEXPLAINED: no effect of the library carries it",
+        Verdict::NotComparable => "NOT COMPARABLE: model and recording do not belong together",
     };
     let _ = writeln!(out, "{} against {}: {verdict}\n", d.recording, d.model);
     paragraph(&mut out, &d.summary, 0);
+    if d.verdict == Verdict::NotComparable {
+        notes(&mut out, d);
+        return out;
+    }
     let e = &d.rmse_bar;
     let _ = writeln!(out, "\nRMSE [bar]      all data  held out");
     let _ = writeln!(out, "  as given      {:8.3}  {:8.3}", e.base, e.base_heldout);
@@ -23,17 +28,16 @@ pub fn text(d: &Diagnosis) -> String {
     let _ = writeln!(out, "  augmented               {:8.3}", e.augmented_heldout);
     let _ = writeln!(out, "  sensor noise  {:8.3}", e.noise_floor);
     for (n, f) in d.effects.iter().enumerate() {
-        let _ = writeln!(out, "\n{}. {} ({})", n + 1, title(&f.id), f.id);
-        for (name, p) in &f.parameters {
-            let error = uncertainty(&f.id, name, p).replace('\u{b1}', "+/-");
-            let _ = writeln!(out, "   {name:<12} {:>12}  {error}", figure(p.value, &p.unit));
+        let _ = writeln!(out, "\n{}. {} ({}){}", n + 1, title(&f.id), f.id, if f.is_class { ", or another of its class" } else { "" });
+        let _ = writeln!(out, "   {}, share {:.0} %", f.claim.text(), 100.0 * f.share);
+        finding(&mut out, f);
+    }
+    if !d.form.is_empty() {
+        let _ = writeln!(out, "\nForm of curve, hysteresis and dynamics: corrections that say nothing of a fault");
+        for f in &d.form {
+            let _ = writeln!(out, "   {} ({})", title(&f.id), f.id);
+            finding(&mut out, f);
         }
-        let interval = f.heldout_gain_interval_bar.map_or(String::new(), |(a, b)| format!(" (95 %: {a:.3} to {b:.3})"));
-        let _ = writeln!(out, "   held-out gain {:.3} bar{interval}, p = {:.4}", f.heldout_gain_bar, f.p_value);
-        if !f.indistinguishable.is_empty() {
-            paragraph(&mut out, &format!("explains this record as well: {}", f.indistinguishable.join(", ")), 3);
-        }
-        paragraph(&mut out, &f.evidence, 3);
     }
     if !d.recalibration.is_empty() {
         let _ = writeln!(out, "\nRecalibrated besides");
@@ -51,13 +55,30 @@ pub fn text(d: &Diagnosis) -> String {
         let _ = writeln!(out, "\nNext experiment");
         paragraph(&mut out, &next.text, 2);
     }
+    notes(&mut out, d);
+    out
+}
+
+fn notes(out: &mut String, d: &Diagnosis) {
     if !d.notes.is_empty() {
         let _ = writeln!(out, "\nNotes");
         for note in &d.notes {
-            paragraph(&mut out, note, 2);
+            paragraph(out, note, 2);
         }
     }
-    out
+}
+
+fn finding(out: &mut String, f: &Finding) {
+    for (name, p) in &f.parameters {
+        let error = uncertainty(&f.id, name, p).replace('\u{b1}', "+/-");
+        let _ = writeln!(out, "   {name:<12} {:>12}  {error}", figure(p.value, &p.unit));
+    }
+    let interval = f.heldout_gain_ci_bar.map_or(String::new(), |(a, b)| format!(" (95 %: {a:.3} to {b:.3})"));
+    let _ = writeln!(out, "   held-out gain {:.3} bar{interval}, p = {:.4}", f.heldout_gain_bar, f.p_value);
+    if !f.indistinguishable.is_empty() {
+        paragraph(out, &format!("explains this record as well: {}", f.indistinguishable.join(", ")), 3);
+    }
+    paragraph(out, &f.evidence, 3);
 }
 
 fn where_it_is(out: &mut String, d: &Diagnosis) {

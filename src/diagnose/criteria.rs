@@ -1,0 +1,60 @@
+//! Every threshold on which a decision rests, in one value, each with its reason.
+
+/// The thresholds of a diagnosis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Criteria {
+    /// A difference of BIC that counts as very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
+    pub very_strong: f64,
+    /// A finding must lower the scale or the RMSE of the residual by this share: less is no use to anybody,
+    pub worth: f64,
+    /// what the new model explains beyond the old must have at least this RMS, in units of the floor,
+    pub net: f64,
+    /// and so must what the effect itself does to the pressure.
+    pub trifle: f64,
+    /// A gain of BIC beyond this counts even where what is explained lies within the noise, as a faint tone does.
+    pub overwhelming: f64,
+    /// Chance of its held-out gain up to which an effect is confirmed (one in twenty).
+    pub confirmed: f64,
+    /// Share that the effects must take of the variance beyond the floor before a cause is named: four fifths leave less than
+    /// half of the error. What leaves more is a cause in name only.
+    pub explains: f64,
+    /// Share of the posterior that a single name needs: more than all others together. Below it only the class is claimed.
+    pub name_share: f64,
+    /// Posterior share of a credible set.
+    pub credible: f64,
+    /// Most members of a credible set: beyond four it says nothing.
+    pub members: usize,
+    /// By how much data of the good valve must speak against an effect before it counts as a change [nats]: three are
+    /// twenty to one.
+    pub excluded_nats: f64,
+    /// What is left counts as structure above this many times the accuracy of the base model: the sensor noise alone says it.
+    pub structure: f64,
+    /// The same for a model with a named cause, in units of the floor: half as much again is no explanation.
+    pub structure_named: f64,
+    /// The same where data of the good valve says how far the model is off when nothing is wrong.
+    pub structure_known: f64,
+    /// The share of the record's rates that reference data must reach to speak for the model's dynamics.
+    pub excites: f64,
+}
+
+impl Default for Criteria {
+    fn default() -> Self {
+        Self {
+            very_strong: 10.0,
+            worth: 0.05,
+            net: 0.75,
+            trifle: 0.5,
+            overwhelming: 150.0,
+            confirmed: 0.05,
+            explains: 0.8,
+            name_share: 0.5,
+            credible: 0.9,
+            members: 4,
+            excluded_nats: 3.0,
+            structure: 2.5,
+            structure_named: 1.4,
+            structure_known: 1.3,
+            excites: 0.3,
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! What data of the good valve says: how the model has to be corrected where nothing is wrong, how far it is off even
+//! then, and which effects that data excludes.
+
+use super::criteria::Criteria;
+use super::descent::Descent;
+use super::diagnosis::{Claim, Estimate, Finding};
+use super::error::DiagnoseError;
+use super::evidence::Evidence;
+use super::fit::{Fit, Fitter};
+use super::model::{Model, Simulator};
+use super::scatter::{Scattered, scatter};
+use super::search::search;
+use super::{comparable, start};
+use crate::course::{Course, Preparation};
+use crate::physics::Effect;
+use crate::recording::Recording;
+use crate::valve::Valve;
+
+/// The good valve, as its own data shows it.
+pub struct Good {
+    /// The recordings, by name.
+    pub names: Vec<String>,
+    /// Their data.
+    pub evidence: Evidence,
+    /// The model corrected by what that data shows to be missing.
+    pub valve: Valve,
+    /// What was added to it: effects, with the values of their parameters and their errors.
+    pub corrections: Vec<Correction>,
+    /// Effects of the scatter that the good valve shows as well.
+    pub scatter: Vec<&'static str>,
+    /// Measured pressures; NaN where masked [bar].
+    measured: Vec<f64>,
+    /// Samples of that data that count as one.
+    tau_samples: f64,
+    /// RMSE of the model as given and of the corrected one [bar].
+    pub rmse_bar: (f64, f64),
+}
+
+/// An effect that the good valve has and its model lacks.
+pub struct Correction {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// Values and standard errors of its parameters.
+    pub parameters: Vec<(f64, f64)>,
+    /// By how much the RMSE on the good valve's data grows without it [bar].
+    pub gain_bar: f64,
+}
+
+impl Correction {
+    /// It as a finding of a diagnosis.
+    pub fn finding(&self, names: &[String]) -> Finding {
+        let parameters = self
+            .effect
+            .parameters()
+            .iter()
+            .zip(&self.parameters)
+            .map(|(p, (value, error))| {
+                (
+                    p.name.to_string(),
+                    Estimate { value: *value, std_error: Some(*error).filter(|e| e.is_finite()), unit: p.unit.symbol.into() },
+                )
+            })
+            .collect();
+        Finding {
+            id: self.effect.id().into(),
+            claim: Claim::Lacks,
+            share: 1.0,
+            is_class: false,
+            parameters,
+            heldout_gain_bar: self.gain_bar,
+            heldout_gain_ci_bar: None,
+            p_value: 1.0,
+            indistinguishable: Vec::new(),
+            evidence: format!(
+                "data of the good valve shows it already ({}): without it the error there grows by {:.3} bar",
+                names.join(", "),
+                self.gain_bar
+            ),
+        }
+    }
+}
+
+/// The recordings that move as fast as the record does, so that they can speak for the model on it.
+pub fn speaking<'r>(record: &Evidence, good: &'r [Recording], criteria: &Criteria) -> Vec<&'r Recording> {
+    let needed = criteria.excites * lively(&record.grids.iter().map(|g| (g.dt_s, g.current_a.as_slice())).collect::<Vec<_>>());
+    let moves = |r: &&Recording| lively(&r.runs.iter().map(|run| (run.step_s(), run.current_a.as_slice())).collect::<Vec<_>>()) >= needed;
+    good.iter().filter(moves).collect()
+}
+
+/// RMS rate of the current over tenths of a second [A/s]: steps and slow ramps alike count by what they move.
+fn lively(runs: &[(f64, &[f64])]) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (dt_s, current) in runs.iter().filter(|r| r.0 > 0.0) {
+        let every = ((0.1 / dt_s).round() as usize).max(1);
+        let thinned: Vec<f64> = current.iter().copied().filter(|i| i.is_finite()).step_by(every).collect();
+        for w in thinned.windows(2) {
+            sum += ((w[1] - w[0]) / (every as f64 * dt_s)).powi(2);
+            n += 1.0;
+        }
+    }
+    f64::sqrt(sum / f64::max(n, 1.0))
+}
+
+impl Good {
+    /// Corrects the model by data of the good valve.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`] where that data cannot be used, or does not belong to the model.
+    pub fn of(recordings: &[&Recording], valve: &Valve) -> Result<Self, DiagnoseError> {
+        let names: Vec<String> = recordings.iter().map(|r| r.source.clone()).collect();
+        let all = Recording {
+            source: names.join(", "),
+            runs: recordings.iter().flat_map(|r| r.runs.iter().cloned()).collect(),
+            notes: Vec::new(),
+        };
+        let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
+        let evidence = Evidence::of(Course::of(&all, &Preparation::default())?)?;
+        if let Some((mistake, _)) = comparable::mistake(&evidence, valve).map_err(model)? {
+            return Err(DiagnoseError::Recording {
+                source_name: all.source,
+                problem: format!("is to be data of the good valve, but does not belong to the model: {}", mistake.text()),
+            });
+        }
+        let mut base = Model::base(valve).map_err(model)?;
+        let slow = evidence.is_slow();
+        if slow {
+            base = base.of_process(evidence.step_s());
+        }
+        let mut fitter = Fitter::new(&evidence);
+        for k in start::unsettled(&evidence, &base) {
+            fitter.measured[k] = f64::NAN;
+        }
+        let mut null = fitter.recalibrate(&base, &[]);
+        if !base.confirms_lag(null.theta[super::model::BASE - 1]) {
+            base = base.distrusting_lag();
+            null = fitter.recalibrate(&base, &[]);
+        }
+        let masked: Vec<Scattered> = scatter(&fitter, &null, |_| true);
+        for k in masked.iter().flat_map(|s| &s.finding.masked) {
+            fitter.measured[*k] = f64::NAN;
+        }
+        let found = search(&mut fitter, &base);
+        let chosen = found.chosen;
+        let mut seen: Vec<&'static str> = masked.iter().map(|s| s.effect.id()).collect();
+        seen.extend(scatter(&fitter, &chosen, |_| true).iter().map(|s| s.effect.id()));
+        let errors = fitter.standard_errors(&chosen);
+        let corrections = (0..chosen.model.effects.len())
+            .map(|k| {
+                let mut start = chosen.theta.clone();
+                start.drain(chosen.model.place(k));
+                let without = fitter.polish(&chosen.model.without(k), &start, 4);
+                Correction {
+                    effect: chosen.model.effects[k],
+                    parameters: chosen.model.place(k).map(|j| (chosen.theta[j], errors[j])).collect(),
+                    gain_bar: (without.rmse_bar - chosen.rmse_bar).max(0.0),
+                }
+            })
+            .collect();
+        let mut given = base.calibrated();
+        given[super::model::BASE - 1] = valve.lag_s;
+        let as_given = fitter.score(&mut Simulator::new(&evidence), &base, &given, &mut Vec::new()).rmse_bar;
+        let corrected = chosen.model.valve_file(&chosen.theta);
+        let rmse_bar = (as_given, chosen.rmse_bar);
+        let (measured, tau_samples) = (fitter.measured.clone(), fitter.tau_samples);
+        Ok(Self { names, valve: corrected, corrections, scatter: seen, measured, tau_samples, rmse_bar, evidence })
+    }
+
+    /// How far the corrected model is off where nothing is wrong, beyond the noise of the good valve's data [bar].
+    pub fn form_error_bar(&self) -> f64 {
+        (self.rmse_bar.1.powi(2) - self.evidence.noise_bar.powi(2)).max(0.0).sqrt()
+    }
+
+    /// How much that data speaks against an effect of these values [nats]; the base may make room for it.
+    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64]) -> f64 {
+        let Ok(base) = Model::base(&self.valve) else { return 0.0 };
+        let fitter = Fitter { measured: self.measured.clone(), tau_samples: self.tau_samples, ..Fitter::new(&self.evidence) };
+        let mut simulator = Simulator::new(&self.evidence);
+        let held = |simulator: &mut Simulator<'_>, model: &Model<'_>, start: &[f64]| -> f64 {
+            let fit: Fit<'_> =
+                fitter.polish_in(simulator, model, start, Descent { iterations: 6, held: model.effects.len(), rough: false });
+            fitter.objective(&fit)
+        };
+        let start = base.calibrated();
+        let without = held(&mut simulator, &base, &start);
+        let with = held(&mut simulator, &base.with(effect, 0.0), &[start.as_slice(), theta].concat());
+        (with - without) * fitter.effective()
+    }
+}

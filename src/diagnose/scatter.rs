@@ -1,0 +1,31 @@
+//! Effects that show in the scatter about a course, or in stretches of their own.
+
+use super::fit::{Fit, Fitter};
+use super::model::Simulator;
+use crate::physics::{EFFECTS, Effect, Scatter, ScatterFinding};
+
+/// An effect of the scatter with what it found.
+pub struct Scattered {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// What it found.
+    pub finding: ScatterFinding,
+}
+
+/// Those of the effects asked for whose signature shows in the scatter about this fit, or in stretches of their own.
+pub fn scatter(fitter: &Fitter<'_>, fit: &Fit<'_>, asked: impl Fn(&dyn Effect) -> bool) -> Vec<Scattered> {
+    let mut simulated = Vec::new();
+    Simulator::new(fitter.evidence).pressure(&fit.model, &fit.theta, &mut simulated);
+    let look = Scatter {
+        dt_s: fitter.evidence.step_s(),
+        noise_bar: fitter.evidence.noise_bar,
+        measured_bar: &fitter.measured,
+        simulated_bar: &simulated,
+    };
+    EFFECTS
+        .iter()
+        .copied()
+        .filter(|e| asked(*e))
+        .filter_map(|effect| effect.scatter(&look).map(|finding| Scattered { effect, finding }))
+        .collect()
+}
