@@ -15,6 +15,9 @@ use hil::valve::{Input, Valve};
 
 // The fits of the search are no part of the library's interface: its own files are compiled in.
 use hil::{course, physics, valve};
+#[path = "../src/diagnose/criteria.rs"]
+#[allow(dead_code)]
+mod criteria;
 #[path = "../src/diagnose/descent.rs"]
 #[allow(dead_code)]
 mod descent;
