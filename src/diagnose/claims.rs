@@ -27,34 +27,15 @@ impl Findings<'_, '_> {
     /// The findings parted into what says nothing of a fault and what does.
     ///
     /// Without data of the good valve, what acts as another form of the loop would is form. With it, so is all that this
-    /// data does not exclude: the model lacks it, and always did. Where all effects together leave half of the error
-    /// or more, they are no causes, though the model is better with them.
+    /// data does not exclude: the model lacks it, and always did.
     pub fn sorted(&self, findings: Vec<(f64, Finding)>) -> (Vec<Finding>, Vec<Finding>) {
-        let explains = self.explains();
         findings.into_iter().map(|f| f.1).partition(|f| {
             let of = |is: fn(&dyn Effect) -> bool| effect(&f.id).is_some_and(is);
-            // The scatter is judged by its likelihood alone.
-            let in_name_only = !explains && of(|e| e.kind() != Kind::Scatter);
-            in_name_only
-                || match self.good {
-                    None => of(|e| e.imitates_form()),
-                    Some(_) => f.claim == Claim::Lacks || of(|e| e.kind() == Kind::Form),
-                }
+            match self.good {
+                None => of(|e| e.imitates_form()),
+                Some(_) => f.claim == Claim::Lacks || of(|e| e.kind() == Kind::Form),
+            }
         })
-    }
-
-    /// Whether the effects take the larger part of what is beyond the floor, by the squared error or by the scale of the
-    /// residual; where a parameter of the base had to stand in for them, or a signature speaks, the error does not say it.
-    fn explains(&self) -> bool {
-        let (null, chosen) = (&self.search.null, &self.search.chosen);
-        let criteria = &self.fitter.criteria;
-        let floor2 = self.fitter.floor_bar.powi(2);
-        let part = |before: f64, after: f64| (before * before - after * after) / (before * before - floor2).max(0.1 * floor2);
-        let stood_in = null.prior_nats - chosen.prior_nats > 0.5 * criteria.very_strong;
-        let signed = chosen.model.signature_nats() > criteria.very_strong;
-        let scattered = self.scattered.iter().any(|s| !s.finding.masked.is_empty());
-        let most = part(null.rmse_bar, chosen.rmse_bar).max(part(null.scale_bar, 0.87 * floor2.sqrt().max(chosen.scale_bar)));
-        stood_in || signed || scattered || chosen.model.effects.is_empty() || most > criteria.explains
     }
 
     /// Whether data of the good valve excludes an effect of these values.

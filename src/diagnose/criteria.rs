@@ -18,6 +18,8 @@ pub struct Criteria {
     /// Share that the effects must take of the variance beyond the floor before a cause is named: four fifths leave less than
     /// half of the error. What leaves more is a cause in name only.
     pub explains: f64,
+    /// A recalibration is written where the model as given is off by this many times what it leaves; less is the day.
+    pub recalibrates: f64,
     /// Share of the posterior that a single name needs: more than all others together. Below it only the class is claimed.
     pub name_share: f64,
     /// Posterior share of a credible set.
@@ -47,6 +49,7 @@ impl Default for Criteria {
             overwhelming: 150.0,
             confirmed: 0.05,
             explains: 0.8,
+            recalibrates: 1.3,
             name_share: 0.5,
             credible: 0.9,
             members: 4,

@@ -16,6 +16,7 @@ mod experiment;
 mod fit;
 mod good;
 mod heldout;
+mod hollow;
 mod incomparable;
 mod locate;
 mod loss;
@@ -108,12 +109,21 @@ pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]
         }
         fitter.found.push(s.effect.id());
     }
-    let search = search::search(&mut fitter, &base);
+    let mut search = search::search(&mut fitter, &base);
+    let hollow = hollow::drop_hollow(&fitter, &mut search);
     // What only the scatter shows is looked for about the best course.
     let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
     scattered.extend(late);
     let findings = Findings { recording, given: &given, base: &base, good: good.as_ref(), fitter: &fitter, search: &search, scattered };
     let mut found = findings.conclude();
+    if !hollow.is_empty() {
+        let names: Vec<String> = hollow.iter().map(|id| title(id)).collect();
+        let text = format!(
+            "{} would take a part of the error, but leave half of it or more: a cause in name only, and none is named",
+            names.join(" and ")
+        );
+        found.diagnosis.notes.push(text);
+    }
     found.diagnosis.next_experiment = experiment::next_experiment(&found);
     Ok(found)
 }
