@@ -28,7 +28,7 @@ const CHANCE: f64 = 0.05;
 const CLEARLY: f64 = 0.25;
 /// Swing below which a signal stands still, in units of the sensor noise.
 const STILL: f64 = 2.0;
-/// Part of the span of the curves within which a current that hardly moves keeps the model.
+/// Part of the span of the curves within which a signal that hardly moves stays.
 const UNMOVED: f64 = 0.02;
 /// A clock that makes a valve of a process is believed where it leaves less than this part.
 const NO_WORSE: f64 = 0.9;
@@ -74,9 +74,9 @@ pub fn mistake(evidence: &Evidence, valve: &Valve) -> Result<Option<(Mistake, f6
     let plain = of(Reading::default())?;
     let noise = evidence.noise_bar;
     let found = |mistake: Mistake| Ok(Some((mistake, plain.share)));
-    let rests = plain.swing_bar.1 < STILL * noise.max(1e-9);
     let (bottom, top) = valve.curves.pressure_range_bar();
-    let unmoved = plain.swing_bar.0 < STILL * noise && plain.swing_bar.0 < UNMOVED * (top - bottom).abs();
+    let still = |swing_bar: f64| swing_bar < STILL * noise && swing_bar < UNMOVED * (top - bottom).abs();
+    let (unmoved, rests) = (still(plain.swing_bar.0), still(plain.swing_bar.1));
     let fits = !rests && plain.is_a_valve() && plain.share > FOLLOWS;
     let left = |share: f64| 1.0 - share;
     // The clock first: whatever else is wrong, the shift of time would take a wrong clock for its own.

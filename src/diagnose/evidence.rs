@@ -32,7 +32,11 @@ impl Evidence {
     /// # Errors
     /// [`CourseError`] where it cannot carry a diagnosis: no pressure, a constant current, too short.
     pub fn of(course: Course) -> Result<Self, CourseError> {
-        course.carries(FEWEST_SAMPLES)?;
+        match course.carries(FEWEST_SAMPLES) {
+            // A pressure that stands still or shows noise alone is an answer of a diagnosis: they do not belong together.
+            Err(CourseError::ConstantPressure { .. }) => {}
+            carries => carries?,
+        }
         // What nothing at all disturbs would make every trifle evidence without end.
         Ok(Self { noise_bar: course.noise.bar.max(LEAST_NOISE_BAR), grids: course.runs, input: course.input, notes: course.notes })
     }

@@ -162,7 +162,7 @@ fn what_does_not_belong_together_is_told_with_the_mapping_that_mends_it() {
         }),
         ("stands still", &|r| pressure(r, &|p| p.iter_mut().for_each(|v| *v = 5.0))),
         ("hardly moves", &|r| {
-            r.current_a.iter_mut().for_each(|i| *i = 0.5 + 1e-6 * *i);
+            r.current_a.iter_mut().for_each(|i| *i = 0.5 + 1e-4 * *i);
             pressure(r, &|p| p.iter_mut().enumerate().for_each(|(k, v)| *v = 9.0 + 0.05 * ((k * 7919) % 101) as f64 / 50.0));
         }),
         ("another valve", &|r| pressure(r, &|p| p.iter_mut().for_each(|v| *v = 2.4 * *v - 9.0))),
