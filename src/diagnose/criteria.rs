@@ -15,6 +15,9 @@ pub struct Criteria {
     pub overwhelming: f64,
     /// Chance of its held-out gain up to which an effect is confirmed (one in twenty).
     pub confirmed: f64,
+    /// or the part of the gain on the data of the fit that the held-out data must show: half, as a model with one parameter too
+    /// many shows none.
+    pub carried: f64,
     /// Share that the effects must take of the variance beyond the floor before a cause is named: four fifths leave less than
     /// half of the error. What leaves more is a cause in name only.
     pub explains: f64,
@@ -48,6 +51,7 @@ impl Default for Criteria {
             trifle: 0.5,
             overwhelming: 150.0,
             confirmed: 0.05,
+            carried: 0.5,
             explains: 0.8,
             recalibrates: 1.3,
             name_share: 0.5,
