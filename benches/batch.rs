@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use hil::batch::campaign::{Job, Retry, Rules, Worker, run};
 use hil::batch::index::{Index, Query};
-use hil::batch::journal::{Journal, Kind, Line, frame};
+use hil::batch::journal::{Journal, Kind, Line, encode};
 use hil::batch::population::{Population, valve_seed};
 use hil::batch::store::{Header, SCHEMA};
 use hil::batch::summary::summarise;
@@ -84,7 +84,7 @@ fn batch(c: &mut Criterion) {
                 let test = |job: &Job| Ok(setup.test(job.position, &job.dut));
                 let workers: Vec<Worker<'_>> = (0..2).map(|_| Box::new(test) as Worker<'_>).collect();
                 let retry = Retry { most: 1, after: vec![] };
-                let rules = Rules { retry: &retry, stop: &AtomicBool::new(false), clock: &String::new };
+                let rules = Rules { retry: &retry, stop: &AtomicBool::new(false), clock: &String::new, synced: false };
                 let mut tally = Tally::default();
                 run(journal, jobs, workers, rules, &mut tally, |_| {}).expect("a batch");
                 summarise(&header(count), &tally, vec![], |_| None, |_| None)
@@ -103,7 +103,7 @@ fn history(c: &mut Criterion) {
     for position in 0..100_000 {
         let record = TestRecord { dut: serial(position), ..record.clone() };
         let line = Line { event: Kind::Finished, position, attempt: 1, at: "2026-01-01T00:00:00Z".into(), dut: None, record: Some(record) };
-        journal.append(&frame(&line)).expect("written");
+        journal.append(&encode(&line)).expect("written");
     }
     journal.confirm().expect("on the disk");
     drop(Index::open(dir.path()).expect("an index"));

@@ -18,7 +18,7 @@ fn main() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("drivers/{name}.toml"));
         let profile = Profile::load(&path).expect("a shipped profile");
         let listen = match profile.transport.kind {
-            TransportKind::Tcp => Listen::Tcp(([127, 0, 0, 1], 0).into()),
+            TransportKind::Tcp | TransportKind::TcpGateway => Listen::Tcp(([127, 0, 0, 1], 0).into()),
             _ => Listen::Pty(None),
         };
         let emulator =

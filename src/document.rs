@@ -32,6 +32,20 @@ pub fn read(path: &std::path::Path) -> Result<String, DocumentError> {
     Ok(text)
 }
 
+/// Bytes of a table that a person wrote (valves, readings), at most 64 MB.
+///
+/// # Errors
+/// What the system says, or that the file is a directory or too large.
+pub fn read_table(path: &std::path::Path) -> Result<Vec<u8>, DocumentError> {
+    const MOST: u64 = 64 << 20;
+    let fail = |problem: String| DocumentError(format!("{}: {problem}", path.display()));
+    let file = std::fs::File::open(path).map_err(|e| fail(e.to_string()))?;
+    let mut bytes = Vec::new();
+    // One byte more than is read shows that there is more, also where the size is not known before.
+    std::io::Read::read_to_end(&mut std::io::Read::take(file, MOST + 1), &mut bytes).map_err(|e| fail(e.to_string()))?;
+    if bytes.len() as u64 > MOST { Err(fail(format!("has more than {MOST} bytes; at most so many are read"))) } else { Ok(bytes) }
+}
+
 /// Reads `text` as a `T`. Unknown keys, wrong types and wrong units are errors that underline the token.
 pub fn parse<T: DeserializeOwned>(text: &str, source_name: &str) -> Result<T, DocumentError> {
     toml::from_str(text).map_err(|error| explain(text, source_name, &error))
@@ -40,6 +54,12 @@ pub fn parse<T: DeserializeOwned>(text: &str, source_name: &str) -> Result<T, Do
 /// What the parser says, with the place underlined and, for a mistyped name, what was probably meant.
 pub fn explain(text: &str, source_name: &str, error: &toml::de::Error) -> DocumentError {
     let span = error.span().unwrap_or(0..0);
+    // A text that is no TOML and names no schema is none of our files: its lines are nobody's to see.
+    let named = text.lines().any(|line| line.trim_start().starts_with("schema"));
+    if !named && DeTable::parse(text).is_err() {
+        let line = 1 + text[..span.start.min(text.len())].matches('\n').count();
+        return DocumentError(format!("{source_name}: line {line}: is not TOML, and has no key `schema`: not a file of this program"));
+    }
     let mut message = error.message().to_string();
     // serde names what it found and what it knows: "unknown field `x`, expected one of `a`, `b`".
     let mut names = message.split('`').skip(1).step_by(2);

@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::BatchError;
-use super::journal::{Journal, Kind, Line, frame};
+use super::journal::{Journal, Kind, Line, encode};
 use super::tally::Tally;
 use crate::record::{Dut, Outcome, TestRecord};
 
@@ -62,6 +62,8 @@ pub struct Rules<'a> {
     pub stop: &'a AtomicBool,
     /// The clock of the journal.
     pub clock: Clock<'a>,
+    /// Whether the line that opens an attempt is on the disk before the valve moves: where a current flows, it must be.
+    pub synced: bool,
 }
 
 /// Tests every job. The result is what was confirmed, added to `tally`; `told` hears of each confirmed record in the order of its
@@ -97,6 +99,7 @@ pub fn run(
         for mut worker in workers {
             let (sender, journal, jobs, failed, halt) = (sender.clone(), &journal, &jobs, &failed, &halt);
             scope.spawn(move || {
+                let _halt = HaltOnPanic(halt);
                 while !rules.stop.load(Ordering::Relaxed) && !halt.load(Ordering::Relaxed) {
                     let Some(job) = lock(jobs).next() else { break };
                     if let Err(e) = attempts(&mut worker, job, journal, &sender, rules) {
@@ -121,9 +124,35 @@ pub fn run(
     }
 }
 
+/// A worker that panics lets no other begin a further valve: what is wrong with the program is wrong for all.
+struct HaltOnPanic<'a>(&'a AtomicBool);
+
+impl Drop for HaltOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
 /// A poisoned lock means that a thread panicked; what the lock guards is still whole, since lines are appended as one.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Writes that an attempt begins; where it is to be `synced`, it is on the disk and read back when this returns.
+fn begin_attempt(journal: &Mutex<Journal>, line: &Line, synced: bool) -> Result<(), BatchError> {
+    let json = encode(line);
+    let mut journal_held = lock(journal);
+    journal_held.append(&json)?;
+    if !synced {
+        return Ok(());
+    }
+    let pending = journal_held.pending()?;
+    drop(journal_held);
+    let to = pending.confirm()?;
+    lock(journal).confirmed(to);
+    Ok(())
 }
 
 fn attempts(
@@ -133,17 +162,16 @@ fn attempts(
     sender: &SyncSender<Confirmed>,
     rules: Rules<'_>,
 ) -> Result<(), BatchError> {
-    let Rules { retry, stop, clock } = rules;
+    let Rules { retry, stop, clock, synced } = rules;
     loop {
         let (position, attempt) = (job.position, job.attempt);
         let begin = Line { event: Kind::Started, position, attempt, at: clock(), dut: Some(job.dut.clone()), record: None };
-        let framed = frame(&begin);
-        lock(journal).append(&framed)?;
+        begin_attempt(journal, &begin, synced)?;
         let record = worker(&job)?;
         let outcome = record.outcome;
         let end = Line { event: Kind::Finished, position, attempt, at: clock(), dut: None, record: Some(record) };
-        let framed = frame(&end);
-        lock(journal).append(&framed)?;
+        let line = encode(&end);
+        lock(journal).append(&line)?;
         if let Some(record) = end.record {
             // The receiver is gone only after an error that is told already.
             let _ = sender.send(Confirmed { job: job.clone(), record });
@@ -197,7 +225,7 @@ mod tests {
     }
 
     fn rules<'a>(retry: &'a Retry, stop: &'a AtomicBool) -> Rules<'a> {
-        Rules { retry, stop, clock: &clock }
+        Rules { retry, stop, clock: &clock, synced: false }
     }
 
     const ONCE: Retry = Retry { most: 1, after: vec![] };

@@ -72,8 +72,8 @@ pub fn compare(first: &BatchSummary, second: &BatchSummary) -> Comparison {
     if first.batch.plan_sha256 != second.batch.plan_sha256 {
         warnings.push(format!("the plans differ: `{}` and `{}`, or another content", first.batch.plan, second.batch.plan));
     }
-    if first.batch.simulated != second.batch.simulated {
-        warnings.push("one batch is a simulation, the other is not".into());
+    if first.origin != second.origin {
+        warnings.push("one batch is a simulation or emulated, the other is not: their figures say nothing of each other".into());
     }
     let mut metrics = Vec::new();
     let mut only_in_one = Vec::new();

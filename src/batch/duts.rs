@@ -24,7 +24,7 @@ pub fn read_csv(path: &Path, form: impl Fn(&Dut) -> SerialForm) -> Result<Vec<Du
     if path.is_dir() {
         return Err(wrong("is a directory; a CSV file with a column `serial` is wanted".into()));
     }
-    let text = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
+    let text = crate::document::read_table(path).map_err(|e| BatchError::Input(e.to_string()))?;
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
     let first = text.split(|b| *b == b'\n').next().unwrap_or_default();
     let delimiter = if first.contains(&b';') { b';' } else { b',' };

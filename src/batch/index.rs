@@ -1,13 +1,15 @@
 //! The index: an SQLite file over the journals of a folder, for questions about many records.
 //!
 //! It holds nothing of its own: it can be deleted at any time and is made anew from the journals. It remembers how far it has
-//! read each segment, so that bringing it up to date reads only what is new.
+//! read each segment, so that bringing it up to date reads only what is new. It is believed only where it agrees with the
+//! journals: rows that were lost, added or changed, and segments that shrank, make it be built anew ([`Index::answers`]).
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, params};
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 
 use super::BatchError;
 use super::journal::{self, Kind, Line, Place};
@@ -20,10 +22,10 @@ pub const FILE: &str = "index.sqlite";
 const DEPTH: usize = 4;
 
 const SCHEMA: &str = "
-PRAGMA user_version = 1;
-CREATE TABLE IF NOT EXISTS segment (id INTEGER PRIMARY KEY, batch TEXT NOT NULL, number INTEGER NOT NULL, read_to INTEGER NOT NULL, UNIQUE (batch, number));
+PRAGMA user_version = 2;
+CREATE TABLE IF NOT EXISTS segment (id INTEGER PRIMARY KEY, batch TEXT NOT NULL, number INTEGER NOT NULL, read_to INTEGER NOT NULL, seal TEXT NOT NULL DEFAULT '', UNIQUE (batch, number));
 CREATE TABLE IF NOT EXISTS attempt (id INTEGER PRIMARY KEY, segment INTEGER NOT NULL REFERENCES segment(id), offset INTEGER NOT NULL, length INTEGER NOT NULL,
-  serial TEXT NOT NULL, part_number TEXT, revision TEXT, lot TEXT, position INTEGER NOT NULL, attempt INTEGER NOT NULL, outcome TEXT NOT NULL, simulated INTEGER NOT NULL,
+  serial TEXT NOT NULL, part_number TEXT, revision TEXT, lot TEXT, position INTEGER NOT NULL, attempt INTEGER NOT NULL, outcome TEXT NOT NULL, simulated INTEGER NOT NULL, emulated INTEGER NOT NULL,
   at TEXT NOT NULL, plan TEXT NOT NULL, plan_sha256 TEXT NOT NULL);
 CREATE INDEX IF NOT EXISTS attempt_serial ON attempt(serial);
 CREATE INDEX IF NOT EXISTS attempt_lot ON attempt(lot) WHERE lot IS NOT NULL;
@@ -32,6 +34,8 @@ CREATE TABLE IF NOT EXISTS metric (id INTEGER PRIMARY KEY, phase TEXT NOT NULL, 
 CREATE TABLE IF NOT EXISTS measurement (metric INTEGER NOT NULL, attempt INTEGER NOT NULL, value REAL, outcome TEXT NOT NULL, PRIMARY KEY (metric, attempt)) WITHOUT ROWID;
 ";
 
+/// Version of the tables; `SCHEMA` writes it.
+const VERSION: i64 = 2;
 const READ_TO: &str = "SELECT read_to FROM segment WHERE batch = ?1 AND number = ?2";
 
 /// What is asked. Everything that is given must hold.
@@ -89,6 +93,8 @@ pub struct Answer {
     pub outcome: String,
     /// Whether it was a simulation.
     pub simulated: bool,
+    /// Whether an emulator stood for driver and valve.
+    pub emulated: bool,
     /// When it ended.
     pub at: String,
     /// Name of the plan.
@@ -128,8 +134,65 @@ impl Index {
                 Self { root: root.into(), path, db, temporary: true }
             }
         };
+        if !index.agrees()? {
+            drop(index);
+            return Self::rebuild(root);
+        }
         index.refresh()?;
         Ok(index)
+    }
+
+    /// The answers from an index that agrees with the journals. Where a row says something else than its record, or rows were lost
+    /// or added, the index is made anew; the flag says so.
+    pub fn answers(root: &Path, query: &Query) -> Result<(Self, Vec<Answer>, bool), BatchError> {
+        let index = Self::open(root)?;
+        let answers = index.query(query)?;
+        if answers.iter().all(|a| index.is_true(a)) {
+            return Ok((index, answers, false));
+        }
+        drop(index);
+        let index = Self::rebuild(root)?;
+        let answers = index.query(query)?;
+        Ok((index, answers, true))
+    }
+
+    /// Whether an answer is what the journal says at its place.
+    fn is_true(&self, a: &Answer) -> bool {
+        let Ok(line) = self.record(a) else { return false };
+        let Some(record) = line.record else { return false };
+        let dut = &record.dut;
+        let same = (a.serial == dut.serial, a.part_number == dut.part_number, a.revision == dut.revision, a.lot == dut.lot)
+            == (true, true, true, true);
+        let figure = |f: &Figure| {
+            measurements(&record).any(|(phase, metric, m)| {
+                phase == f.phase && metric == f.metric && m.unit == f.unit && m.value == f.value && outcome_text(m.outcome) == f.outcome
+            })
+        };
+        same && a.attempt == line.attempt
+            && a.outcome == outcome_text(record.outcome)
+            && (a.simulated, a.emulated) == (record.simulated, record.rig.emulated)
+            && (&a.at, &a.plan) == (&line.at, &record.plan.name)
+            && a.measurements.iter().all(figure)
+    }
+
+    /// Whether the rows are those that were read from the journals, as far as the index itself can tell, and no segment shrank.
+    fn agrees(&self) -> Result<bool, BatchError> {
+        let fail = |source| BatchError::Index { path: self.path.clone(), source };
+        let mut statement = self.db.prepare("SELECT id, batch, number, read_to, seal FROM segment").map_err(fail)?;
+        let row = |r: &rusqlite::Row| Ok((r.get(0)?, r.get::<_, String>(1)?, r.get(2)?, r.get::<_, i64>(3)?, r.get::<_, String>(4)?));
+        let segments: Vec<(i64, String, u32, i64, String)> =
+            statement.query_map([], row).map_err(fail)?.collect::<rusqlite::Result<_>>().map_err(fail)?;
+        for (id, batch, number, read_to, kept) in segments {
+            let size = std::fs::metadata(journal::segment_path(&self.root.join(&batch), number)).map_or(0, |m| m.len());
+            if size < read_to as u64 || seal(&self.db, id).map_err(fail)? != kept {
+                return Ok(false);
+            }
+        }
+        let orphans: i64 = self
+            .db
+            .query_row("SELECT COUNT(*) FROM attempt WHERE segment NOT IN (SELECT id FROM segment)", [], |r| r.get(0))
+            .map_err(fail)?;
+        Ok(orphans == 0)
     }
 
     /// The index of a folder that cannot be written, where it is up to date.
@@ -138,7 +201,11 @@ impl Index {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         // Immutable: no lock and no shared memory, which a folder that cannot be written cannot have.
         let Ok(db) = Connection::open_with_flags(format!("file:{escaped}?immutable=1"), flags) else { return Ok(None) };
+        let version = db.query_row("PRAGMA user_version", [], |r| r.get::<_, i64>(0));
         let index = Self { root: root.into(), path: path.into(), db, temporary: false };
+        if version != Ok(VERSION) || !index.agrees()? {
+            return Ok(None);
+        }
         let mut batches = Vec::new();
         find_batches(root, "", DEPTH, &mut batches)?;
         for batch in batches {
@@ -225,7 +292,7 @@ impl Index {
             conditions.push(format!("a.id IN (SELECT attempt FROM measurement WHERE metric IN ({ids}))"));
         }
         let text = format!(
-            "SELECT s.batch, a.serial, a.part_number, a.revision, a.lot, a.attempt, a.outcome, a.simulated, a.at, a.plan, s.number, a.offset, a.length, a.id \
+            "SELECT s.batch, a.serial, a.part_number, a.revision, a.lot, a.attempt, a.outcome, a.simulated, a.at, a.plan, s.number, a.offset, a.length, a.id, a.emulated \
              FROM attempt a JOIN segment s ON s.id = a.segment WHERE {} ORDER BY a.at DESC, a.id DESC LIMIT {}",
             conditions.join(" AND "),
             query.limit
@@ -271,6 +338,7 @@ fn answer(row: &rusqlite::Row) -> rusqlite::Result<Answer> {
         attempt: row.get(5)?,
         outcome: row.get(6)?,
         simulated: row.get(7)?,
+        emulated: row.get(14)?,
         at: row.get(8)?,
         plan: row.get(9)?,
         measurements: Vec::new(),
@@ -286,6 +354,13 @@ fn writable(path: &Path) -> rusqlite::Result<Connection> {
     db.pragma_update(None, "journal_mode", "wal")?;
     // The records are the truth; the index may lose its last transaction in a power cut, not its soundness.
     db.pragma_update(None, "synchronous", "normal")?;
+    let version: i64 = db.query_row("PRAGMA user_version", [], |r| r.get(0))?;
+    if version != 0 && version != VERSION {
+        // Another version's index: it holds nothing of its own.
+        db.execute_batch(
+            "DROP TABLE IF EXISTS measurement; DROP TABLE IF EXISTS metric; DROP TABLE IF EXISTS attempt; DROP TABLE IF EXISTS segment;",
+        )?;
+    }
     db.execute_batch(SCHEMA)?;
     Ok(db)
 }
@@ -293,7 +368,8 @@ fn writable(path: &Path) -> rusqlite::Result<Connection> {
 /// Folders below `root` that hold a journal, as paths relative to it.
 fn find_batches(root: &Path, relative: &str, depth: usize, found: &mut Vec<String>) -> Result<(), BatchError> {
     let folder = root.join(relative);
-    if journal::folder(&folder).is_dir() {
+    // Links are not followed: neither to a batch elsewhere nor in a circle.
+    if std::fs::symlink_metadata(journal::folder(&folder)).is_ok_and(|m| m.is_dir()) {
         found.push(relative.to_string());
         return Ok(());
     }
@@ -301,8 +377,11 @@ fn find_batches(root: &Path, relative: &str, depth: usize, found: &mut Vec<Strin
         return Ok(());
     }
     let entries = std::fs::read_dir(&folder).map_err(|e| BatchError::store(&folder, e))?;
-    let mut names: Vec<String> =
-        entries.filter_map(|e| e.ok()).filter(|e| e.path().is_dir()).filter_map(|e| e.file_name().into_string().ok()).collect();
+    let mut names: Vec<String> = entries
+        .filter_map(|e| e.ok())
+        .filter(|e| e.file_type().is_ok_and(|t| t.is_dir()))
+        .filter_map(|e| e.file_name().into_string().ok())
+        .collect();
     names.sort();
     for name in names {
         let below = if relative.is_empty() { name } else { format!("{relative}/{name}") };
@@ -328,15 +407,32 @@ fn read_new(
         .map_err(fail)?;
     let (_, end) =
         journal::read_segment(folder, number, read_to as u64, |place, line| insert(transaction, segment, place, &line).map_err(fail))?;
-    transaction.execute("UPDATE segment SET read_to = ?1 WHERE id = ?2", params![end as i64, segment]).map_err(fail)?;
+    let seal = seal(transaction, segment).map_err(fail)?;
+    transaction.execute("UPDATE segment SET read_to = ?1, seal = ?2 WHERE id = ?3", params![end as i64, seal, segment]).map_err(fail)?;
     Ok(())
+}
+
+/// Digest over the attempts of a segment as the index has them.
+fn seal(db: &Connection, segment: i64) -> rusqlite::Result<String> {
+    let mut statement = db.prepare_cached(
+        "SELECT offset, length, serial, part_number, revision, lot, position, attempt, outcome, simulated, emulated, at, plan, plan_sha256 \
+         FROM attempt WHERE segment = ?1 ORDER BY offset, id",
+    )?;
+    let mut rows = statement.query([segment])?;
+    let mut hash = Sha256::new();
+    while let Some(row) = rows.next()? {
+        for k in 0..14 {
+            hash.update(format!("{:?};", row.get_ref(k)?));
+        }
+    }
+    Ok(hash.finalize().iter().map(|b| format!("{b:02x}")).collect())
 }
 
 fn insert(transaction: &Transaction, segment: i64, place: Place, line: &Line) -> rusqlite::Result<()> {
     let Some(record) = line.record.as_ref().filter(|_| line.event == Kind::Finished) else { return Ok(()) };
     let mut attempt = transaction.prepare_cached(
-        "INSERT INTO attempt (segment, offset, length, serial, part_number, revision, lot, position, attempt, outcome, simulated, at, plan, plan_sha256) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
+        "INSERT INTO attempt (segment, offset, length, serial, part_number, revision, lot, position, attempt, outcome, simulated, at, plan, plan_sha256, emulated) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15)",
     )?;
     let dut = &record.dut;
     attempt.execute(params![
@@ -353,7 +449,8 @@ fn insert(transaction: &Transaction, segment: i64, place: Place, line: &Line) ->
         record.simulated,
         line.at,
         record.plan.name,
-        record.plan.sha256
+        record.plan.sha256,
+        record.rig.emulated
     ])?;
     let id = transaction.last_insert_rowid();
     let mut find = transaction.prepare_cached("SELECT id FROM metric WHERE phase = ?1 AND metric = ?2 AND unit = ?3")?;
@@ -388,67 +485,4 @@ pub fn outcome_text(outcome: Outcome) -> &'static str {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::batch::example;
-    use crate::batch::journal::{Journal, frame};
-
-    fn write(batch: &Path, from: usize, to: usize) {
-        let mut journal = Journal::begin(batch).unwrap();
-        for position in from..to {
-            let mut record = example::record(&format!("V{position}"), position as u64);
-            record.dut.lot = Some(format!("L{}", position / 10));
-            let at = format!("2026-01-01T00:{:02}:{:02}Z", position / 60, position % 60);
-            let line = Line { event: Kind::Finished, position, attempt: 1, at, dut: None, record: Some(record) };
-            journal.append(&frame(&line)).unwrap();
-        }
-        journal.confirm().unwrap();
-    }
-
-    fn ask(root: &Path, query: Query) -> Vec<Answer> {
-        Index::open(root).unwrap().query(&Query { limit: 1000, ..query }).unwrap()
-    }
-
-    #[test]
-    fn answers_by_serial_lot_metric_time_and_outcome() {
-        let dir = tempfile::tempdir().unwrap();
-        write(&dir.path().join("a/b"), 0, 50);
-        write(&dir.path().join("c"), 50, 100);
-        let by_serial = ask(dir.path(), Query { serial: Some("V73".into()), ..Query::default() });
-        assert_eq!((by_serial.len(), by_serial[0].batch.as_str()), (1, "c"));
-        let index = Index::open(dir.path()).unwrap();
-        assert_eq!(index.record(&by_serial[0]).unwrap().record.unwrap().dut.serial, "V73");
-        assert_eq!(ask(dir.path(), Query { lot: Some("L3".into()), ..Query::default() }).len(), 10);
-        let by_metric = ask(dir.path(), Query { lot: Some("L3".into()), metric: Some("main/rmse".into()), ..Query::default() });
-        assert_eq!(by_metric[0].measurements[0].unit, "bar");
-        assert!(ask(dir.path(), Query { metric: Some("overshoot".into()), ..Query::default() }).is_empty());
-        let time = Query { since: Some("2026-01-01T00:01:00Z".into()), until: Some("2026-01-01T00:01:05Z".into()), ..Query::default() };
-        assert_eq!(ask(dir.path(), time).len(), 5);
-        let failed = ask(dir.path(), Query { outcome: Some("FAIL".into()), ..Query::default() });
-        let wanted = (0..100).filter(|i| example::record("", *i).outcome == Outcome::Fail).count();
-        assert!(wanted > 0 && failed.len() == wanted);
-    }
-
-    #[test]
-    fn reads_only_what_is_new_and_can_be_made_anew() {
-        let dir = tempfile::tempdir().unwrap();
-        write(dir.path(), 0, 5);
-        assert_eq!(ask(dir.path(), Query::default()).len(), 5);
-        write(dir.path(), 5, 8);
-        assert_eq!(ask(dir.path(), Query::default()).len(), 8);
-        std::fs::write(dir.path().join(FILE), "no database").unwrap();
-        let rebuilt = Index::rebuild(dir.path()).unwrap();
-        assert_eq!(rebuilt.query(&Query { limit: 1000, ..Query::default() }).unwrap().len(), 8);
-    }
-
-    #[test]
-    fn two_readers_at_once_count_nothing_twice() {
-        let dir = tempfile::tempdir().unwrap();
-        write(dir.path(), 0, 200);
-        std::thread::scope(|scope| {
-            for _ in 0..4 {
-                scope.spawn(|| assert_eq!(ask(dir.path(), Query::default()).len(), 200));
-            }
-        });
-    }
-}
+mod tests;

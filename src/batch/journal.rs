@@ -1,18 +1,26 @@
 //! The journal: append-only segments of framed lines, from which everything else can be rebuilt.
 //!
-//! A line is `CRC32 JSON\n`. Every process writes a segment of its own, so that two never mix and a torn end is
-//! never written behind. An attempt is opened by a line before the valve moves and closed by the line that holds its whole
-//! record; what is opened and not closed was interrupted.
+//! A line is `CRC32 DIGEST JSON\n`, where the digest is that of the line before, also over the end of a segment: a line that is
+//! lost, changed or put in between breaks the chain. The first version wrote `CRC32 JSON\n`; such lines are read as they are.
+//! Beside the segments, `tip` says how far the journal was confirmed, so that a lost end is noticed too.
+//!
+//! Every process writes a segment of its own, so that two never mix and a torn end is never written behind. An attempt is opened
+//! by a line before the valve moves and closed by the line that holds its whole record; what is opened and not closed was
+//! interrupted.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use super::BatchError;
+use crate::output::{clear_leftovers, make_folder_within, sync_folder, whole_file};
 use crate::record::{Dut, TestRecord};
 
+/// Name of the folder of the segments.
+const FOLDER: &str = "journal";
 /// Longest line that is read back [bytes]: a record has some 10 kB.
 const MAX_LINE: u64 = 64 << 20;
 
@@ -56,20 +64,35 @@ pub struct Place {
     pub length: u64,
 }
 
-/// Bytes of a segment that are no whole line.
+/// What is wrong with a journal, and where.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Damage {
     /// File name of the segment.
     pub segment: String,
     /// First byte.
     pub offset: u64,
-    /// `torn` at the end of a segment (the process ended while writing), `damaged` elsewhere.
+    /// `torn` at the end of a segment (the process ended while writing), `damaged` elsewhere, `unchained` where the line before is
+    /// not the one that was there, `lost` where confirmed lines are missing.
     pub what: String,
+}
+
+impl Damage {
+    /// What is wrong, for people.
+    pub fn text(&self) -> String {
+        let (segment, offset) = (&self.segment, self.offset);
+        match self.what.as_str() {
+            "unchained" => {
+                format!("the chain is broken in {segment} at byte {offset}: a line before it was lost, changed or put in between")
+            }
+            "lost" => format!("the journal was confirmed up to byte {offset} of {segment}, and what stood there is lost or changed"),
+            what => format!("{what} line in {segment} at byte {offset}: not counted"),
+        }
+    }
 }
 
 /// The folder of the segments.
 pub fn folder(batch: &Path) -> PathBuf {
-    batch.join("journal")
+    batch.join(FOLDER)
 }
 
 /// Path of a segment.
@@ -97,21 +120,92 @@ fn crc(bytes: &[u8]) -> u32 {
     crc.sum()
 }
 
-/// The framed text of a line.
-pub fn frame(line: &Line) -> Vec<u8> {
+/// A line as JSON, for [`Journal::append`].
+pub fn encode(line: &Line) -> Vec<u8> {
     // A `Line` holds only strings, numbers and JSON values: it always serialises.
-    let json = serde_json::to_vec(line).unwrap_or_default();
-    let mut bytes = format!("{:08x} ", crc(&json)).into_bytes();
-    bytes.extend_from_slice(&json);
+    serde_json::to_vec(line).unwrap_or_default()
+}
+
+/// A line in its frame, behind the line with the digest `previous`.
+fn frame(json: &[u8], previous: &str) -> Vec<u8> {
+    let mut crc = flate2::Crc::new();
+    [previous.as_bytes(), b" ", json].iter().for_each(|bytes| crc.update(bytes));
+    let mut bytes = format!("{:08x} {previous} ", crc.sum()).into_bytes();
+    bytes.extend_from_slice(json);
     bytes.push(b'\n');
     bytes
 }
 
-/// The JSON of a framed line, or `None` where it is not whole.
-fn unframe(line: &[u8]) -> Option<&[u8]> {
-    let json = line.strip_suffix(b"\n")?.get(9..)?;
+/// Characters of a digest: 128 bits.
+const DIGEST: usize = 32;
+/// What the first line of a journal has for the digest of the one before.
+const FIRST: &str = "00000000000000000000000000000000";
+
+/// Digest of a framed line.
+fn digest(framed: &[u8]) -> String {
+    Sha256::digest(framed).iter().take(DIGEST / 2).map(|b| format!("{b:02x}")).collect()
+}
+
+/// The digest of the line before, `None` in a line of the first version, and the JSON; `None` where the line is not whole.
+fn unframe(line: &[u8]) -> Option<(Option<&str>, &[u8])> {
+    let rest = line.strip_suffix(b"\n")?.get(9..)?;
     let expected = u32::from_str_radix(std::str::from_utf8(line.get(..8)?).ok()?, 16).ok()?;
-    (line.get(8) == Some(&b' ') && crc(json) == expected).then_some(json)
+    if line.get(8) != Some(&b' ') || crc(rest) != expected {
+        return None;
+    }
+    if rest.first() == Some(&b'{') {
+        return Some((None, rest));
+    }
+    let previous = std::str::from_utf8(rest.get(..DIGEST)?).ok()?;
+    (rest.get(DIGEST) == Some(&b' ')).then_some((Some(previous), &rest[DIGEST + 1..]))
+}
+
+/// How far a journal was confirmed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Tip {
+    segment: u32,
+    /// End of the last confirmed line.
+    end: u64,
+    digest: String,
+}
+
+fn tip_path(batch: &Path) -> PathBuf {
+    folder(batch).join("tip")
+}
+
+/// The digest of the last whole line of a journal.
+fn last_digest(batch: &Path) -> Result<String, BatchError> {
+    for segment in segments(batch)?.into_iter().rev() {
+        let mut last = None;
+        each_line(&segment_path(batch, segment), 0, |_, bytes| {
+            if unframe(bytes).is_some() {
+                last = Some(digest(bytes));
+            }
+            Ok(())
+        })?;
+        if let Some(last) = last {
+            return Ok(last);
+        }
+    }
+    Ok(FIRST.into())
+}
+
+/// Feeds the lines of a file from byte `from` with their places to `each`; the last may lack its line feed.
+fn each_line(path: &Path, from: u64, mut each: impl FnMut(u64, &[u8]) -> Result<(), BatchError>) -> Result<(), BatchError> {
+    let fail = |e| BatchError::store(path, e);
+    let mut file = File::open(path).map_err(fail)?;
+    file.seek(SeekFrom::Start(from)).map_err(fail)?;
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let (mut offset, mut bytes) = (from, Vec::new());
+    loop {
+        bytes.clear();
+        let read = (&mut reader).take(MAX_LINE).read_until(b'\n', &mut bytes).map_err(fail)? as u64;
+        if read == 0 {
+            return Ok(());
+        }
+        each(offset, &bytes)?;
+        offset += read;
+    }
 }
 
 /// The writer of one segment.
@@ -122,21 +216,25 @@ pub struct Journal {
     segment: u32,
     written: u64,
     confirmed: u64,
+    /// Digest of the last line that was appended.
+    last: String,
 }
 
 impl Journal {
     /// Begins a new segment behind those that exist.
     pub fn begin(batch: &Path) -> Result<Self, BatchError> {
         let dir = folder(batch);
-        std::fs::create_dir_all(&dir).map_err(|e| BatchError::store(&dir, e))?;
+        make_folder_within(batch, Path::new(FOLDER)).map_err(|e| BatchError::store(&dir, e))?;
+        clear_leftovers(&dir);
+        let last = last_digest(batch)?;
         let mut segment = segments(batch)?.last().map_or(1, |last| last + 1);
         loop {
             let path = segment_path(batch, segment);
             match OpenOptions::new().read(true).append(true).create_new(true).open(&path) {
                 Ok(file) => {
                     // The name of the segment must survive a power cut as well as its content.
-                    File::open(&dir).and_then(|d| d.sync_all()).map_err(|e| BatchError::store(&dir, e))?;
-                    return Ok(Self { file, path, segment, written: 0, confirmed: 0 });
+                    sync_folder(&dir).map_err(|e| BatchError::store(&dir, e))?;
+                    return Ok(Self { file, path, segment, written: 0, confirmed: 0, last });
                 }
                 Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => segment += 1,
                 Err(e) => return Err(BatchError::store(&path, e)),
@@ -144,22 +242,25 @@ impl Journal {
         }
     }
 
-    /// Appends a framed line ([`frame`]). It is not confirmed before [`Journal::confirm`].
-    pub fn append(&mut self, framed: &[u8]) -> Result<Place, BatchError> {
-        if let Err(e) = self.file.write_all(framed) {
+    /// Appends a line ([`encode`]) behind the last one. It is not confirmed before [`Journal::confirm`].
+    pub fn append(&mut self, json: &[u8]) -> Result<Place, BatchError> {
+        let framed = frame(json, &self.last);
+        if let Err(e) = self.file.write_all(&framed) {
             // Half a line would only be reported as torn; cut it where that is still possible.
             let _ = self.file.set_len(self.written);
             return Err(BatchError::store(&self.path, e));
         }
         let place = Place { segment: self.segment, offset: self.written, length: framed.len() as u64 };
         self.written += framed.len() as u64;
+        self.last = digest(&framed);
         Ok(place)
     }
 
     /// What [`Pending::confirm`] needs, so that it can be done without holding the journal.
     pub fn pending(&self) -> Result<Pending, BatchError> {
         let file = self.file.try_clone().map_err(|e| BatchError::store(&self.path, e))?;
-        Ok(Pending { file, path: self.path.clone(), from: self.confirmed, to: self.written })
+        let tip = Tip { segment: self.segment, end: self.written, digest: self.last.clone() };
+        Ok(Pending { file, path: self.path.clone(), from: self.confirmed, to: self.written, tip })
     }
 
     /// Marks everything up to `to` as confirmed.
@@ -182,10 +283,12 @@ pub struct Pending {
     path: PathBuf,
     from: u64,
     to: u64,
+    tip: Tip,
 }
 
 impl Pending {
-    /// Flushes to the disk, reads the lines back from the file and checks every frame. Returns the end of what is confirmed.
+    /// Flushes to the disk, reads the lines back from the file, checks every frame, and says in `tip` how far the journal is
+    /// confirmed. Returns that end.
     pub fn confirm(self) -> Result<u64, BatchError> {
         if self.from == self.to {
             return Ok(self.to);
@@ -204,6 +307,9 @@ impl Pending {
             }
             offset += read;
         }
+        let tip = self.path.with_file_name("tip");
+        let text = serde_json::to_vec(&self.tip).unwrap_or_default();
+        whole_file(&tip, |file| file.write_all(&text)).map_err(|e| BatchError::store(&tip, e.into_io()))?;
         Ok(self.to)
     }
 }
@@ -213,41 +319,75 @@ pub fn read_segment(
     batch: &Path,
     segment: u32,
     from: u64,
-    mut each: impl FnMut(Place, Line) -> Result<(), BatchError>,
+    each: impl FnMut(Place, Line) -> Result<(), BatchError>,
 ) -> Result<(Vec<Damage>, u64), BatchError> {
-    let path = segment_path(batch, segment);
-    let fail = |e| BatchError::store(&path, e);
-    let mut file = File::open(&path).map_err(fail)?;
-    file.seek(SeekFrom::Start(from)).map_err(fail)?;
-    let mut reader = BufReader::with_capacity(1 << 18, file);
-    let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let (mut damage, mut offset, mut whole, mut bytes) = (Vec::new(), from, from, Vec::new());
-    loop {
-        bytes.clear();
-        let read = (&mut reader).take(MAX_LINE).read_until(b'\n', &mut bytes).map_err(fail)? as u64;
-        if read == 0 {
-            return Ok((damage, whole));
-        }
-        let line = unframe(&bytes).and_then(|json| serde_json::from_slice::<Line>(json).ok());
-        match line {
-            Some(line) => {
-                each(Place { segment, offset, length: read }, line)?;
-                whole = offset + read;
+    // From the middle nothing is known of the line before.
+    let mut chain = Chain { before: (from == 0).then_some(FIRST.into()).filter(|_| segment == 1), tip: None };
+    chain.read(batch, segment, from, each)
+}
+
+/// Where a reader stands in the chain.
+struct Chain {
+    /// Digest of the last whole line; `None` where it is not known.
+    before: Option<String>,
+    /// The end that was confirmed, until it is found.
+    tip: Option<Tip>,
+}
+
+impl Chain {
+    fn read(
+        &mut self,
+        batch: &Path,
+        segment: u32,
+        from: u64,
+        mut each: impl FnMut(Place, Line) -> Result<(), BatchError>,
+    ) -> Result<(Vec<Damage>, u64), BatchError> {
+        let path = segment_path(batch, segment);
+        let name = file_name(&path);
+        let (mut damage, mut whole) = (Vec::new(), from);
+        each_line(&path, from, |offset, bytes| {
+            let found = unframe(bytes).and_then(|(previous, json)| Some((previous, serde_json::from_slice::<Line>(json).ok()?)));
+            let mut note = |what: &str| damage.push(Damage { segment: name.clone(), offset, what: what.into() });
+            let Some((previous, line)) = found else {
+                let torn = !bytes.ends_with(b"\n");
+                note(if torn { "torn" } else { "damaged" });
+                // Behind a damaged line the chain begins anew; a torn one was never part of it.
+                self.before = self.before.take().filter(|_| torn);
+                return Ok(());
+            };
+            if let (Some(previous), Some(before)) = (previous, &self.before)
+                && previous != before
+            {
+                note("unchained");
             }
-            None => {
-                let what = if bytes.ends_with(b"\n") { "damaged" } else { "torn" };
-                damage.push(Damage { segment: name.clone(), offset, what: what.into() });
+            let own = digest(bytes);
+            let length = bytes.len() as u64;
+            if self.tip.as_ref().is_some_and(|t| t.segment == segment && t.end == offset + length && t.digest == own) {
+                self.tip = None;
             }
-        }
-        offset += read;
+            self.before = Some(own);
+            whole = offset + length;
+            each(Place { segment, offset, length }, line)
+        })?;
+        Ok((damage, whole))
     }
 }
 
-/// Reads every segment of a batch.
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}
+
+/// Reads every segment of a batch, and follows the chain through all of them.
 pub fn read(batch: &Path, mut each: impl FnMut(Place, Line) -> Result<(), BatchError>) -> Result<Vec<Damage>, BatchError> {
     let mut damage = Vec::new();
+    let tip = std::fs::read(tip_path(batch)).ok().and_then(|bytes| serde_json::from_slice::<Tip>(&bytes).ok());
+    let mut chain = Chain { before: Some(FIRST.into()), tip };
     for segment in segments(batch)? {
-        damage.extend(read_segment(batch, segment, 0, &mut each)?.0);
+        damage.extend(chain.read(batch, segment, 0, &mut each)?.0);
+    }
+    if let Some(tip) = chain.tip {
+        let segment = file_name(&segment_path(batch, tip.segment));
+        damage.push(Damage { segment, offset: tip.end, what: "lost".into() });
     }
     Ok(damage)
 }
@@ -260,80 +400,9 @@ pub fn read_at(batch: &Path, place: Place) -> Result<Line, BatchError> {
     file.seek(SeekFrom::Start(place.offset)).map_err(fail)?;
     let mut bytes = Vec::new();
     file.take(place.length.min(MAX_LINE)).read_to_end(&mut bytes).map_err(fail)?;
-    let line = unframe(&bytes).and_then(|json| serde_json::from_slice(json).ok());
+    let line = unframe(&bytes).and_then(|(_, json)| serde_json::from_slice(json).ok());
     line.ok_or(BatchError::NotReadBack { path, offset: place.offset })
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn line(position: usize) -> Line {
-        let dut = Dut { serial: format!("V{position}"), ..Dut::default() };
-        Line { event: Kind::Started, position, attempt: 1, at: "2026-01-01T00:00:00Z".into(), dut: Some(dut), record: None }
-    }
-
-    fn all(batch: &Path) -> (Vec<Line>, Vec<Damage>) {
-        let mut lines = Vec::new();
-        let damage = read(batch, |_, line| {
-            lines.push(line);
-            Ok(())
-        });
-        (lines, damage.unwrap())
-    }
-
-    #[test]
-    fn what_is_confirmed_reads_back_at_its_place() {
-        let dir = tempfile::tempdir().unwrap();
-        let mut journal = Journal::begin(dir.path()).unwrap();
-        let places: Vec<Place> = (0..3).map(|i| journal.append(&frame(&line(i))).unwrap()).collect();
-        journal.confirm().unwrap();
-        assert_eq!(read_at(dir.path(), places[1]).unwrap(), line(1));
-        assert_eq!(all(dir.path()), ((0..3).map(line).collect(), vec![]));
-    }
-
-    /// Cut at every byte of the last line: the lines before it are read, the torn one is named, and a new writer adds behind it.
-    #[test]
-    fn a_cut_at_any_byte_loses_nothing_that_was_whole() {
-        let framed = frame(&line(1));
-        for cut in 0..framed.len() {
-            let dir = tempfile::tempdir().unwrap();
-            let mut journal = Journal::begin(dir.path()).unwrap();
-            journal.append(&frame(&line(0))).unwrap();
-            journal.append(&framed[..cut]).unwrap();
-            let mut second = Journal::begin(dir.path()).unwrap();
-            second.append(&frame(&line(2))).unwrap();
-            second.confirm().unwrap();
-            let (lines, damage) = all(dir.path());
-            assert_eq!(lines, [line(0), line(2)]);
-            assert_eq!(damage.len(), usize::from(cut > 0));
-            assert!(damage.iter().all(|d| d.what == "torn"));
-        }
-    }
-
-    #[test]
-    fn a_flipped_bit_is_found_by_confirm_and_by_read() {
-        let dir = tempfile::tempdir().unwrap();
-        let mut journal = Journal::begin(dir.path()).unwrap();
-        journal.append(&frame(&line(0))).unwrap();
-        let mut framed = frame(&line(1));
-        framed[20] ^= 1;
-        journal.append(&framed).unwrap();
-        assert!(matches!(journal.confirm(), Err(BatchError::NotReadBack { .. })));
-        let (lines, damage) = all(dir.path());
-        assert_eq!((lines.len(), damage.len(), damage[0].what.as_str()), (1, 1, "damaged"));
-    }
-
-    #[test]
-    fn every_writer_has_a_segment_of_its_own() {
-        let dir = tempfile::tempdir().unwrap();
-        let (mut a, mut b) = (Journal::begin(dir.path()).unwrap(), Journal::begin(dir.path()).unwrap());
-        for i in 0..50 {
-            a.append(&frame(&line(2 * i))).unwrap();
-            b.append(&frame(&line(2 * i + 1))).unwrap();
-        }
-        assert_eq!(segments(dir.path()).unwrap(), [1, 2]);
-        let (lines, damage) = all(dir.path());
-        assert_eq!((lines.len(), damage.len()), (100, 0));
-    }
-}
+mod tests;

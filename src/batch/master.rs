@@ -23,7 +23,7 @@ pub struct MasterCheck {
     pub serial: String,
     /// SHA-256 of the plan, hex.
     pub plan_sha256: String,
-    /// Whether the pressure came from a simulation; such a check opens no gate of a real batch.
+    /// Whether the pressure came from a simulation or an emulator; such a check opens no gate of a real batch.
     pub simulated: bool,
     /// The verdict it got.
     pub outcome: Outcome,
@@ -56,7 +56,7 @@ pub fn judge(station: &Station, record: &TestRecord, at: Timestamp) -> Result<Ma
         station: station.id.clone(),
         serial: master.serial.clone(),
         plan_sha256: record.plan.sha256.clone(),
-        simulated: record.simulated,
+        simulated: record.origin() != crate::record::Origin::Real,
         outcome: record.outcome,
         as_expected,
     })

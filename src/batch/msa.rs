@@ -112,6 +112,12 @@ pub enum MsaError {
         /// Trial, from 1.
         trial: usize,
     },
+    /// The squares of the readings leave what numbers can hold.
+    #[error("the readings differ by so much (up to {largest:e}) that their variance is no number; in which unit are they?")]
+    TooLarge {
+        /// Largest reading by magnitude.
+        largest: f64,
+    },
     /// Nothing varies.
     #[error("all readings are equal: nothing can be said of the gauge")]
     Constant,
@@ -131,6 +137,9 @@ pub fn gauge_study(study: &Study, tolerance: Option<f64>) -> Result<GaugeStudy, 
     let appraiser_means: Vec<f64> = (0..o).map(|j| mean(&mut study.values.iter().flat_map(|part| part[j].iter().copied()))).collect();
     let squared = |means: &[f64]| means.iter().map(|m| (m - grand).powi(2)).sum::<f64>();
     let total: f64 = all().map(|v| (v - grand).powi(2)).sum();
+    if total.is_nan() || total > 1e290 {
+        return Err(MsaError::TooLarge { largest: all().map(f64::abs).fold(0.0, f64::max) });
+    }
     if total == 0.0 {
         return Err(MsaError::Constant);
     }
@@ -244,6 +253,19 @@ fn balanced(study: &Study) -> Result<(usize, usize, usize), MsaError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn readings_that_break_the_statistic_give_a_reason() {
+        let study = |value: f64| Study {
+            parts: vec!["p".into(), "q".into()],
+            appraisers: vec!["a".into(), "b".into()],
+            values: vec![vec![vec![1.0, 2.0], vec![1.5, 2.5]], vec![vec![value, -value], vec![0.0, 1.0]]],
+        };
+        for value in [1e300, 1e200, f64::MAX] {
+            assert!(gauge_study(&study(value), None).unwrap_err().to_string().contains("in which unit"), "{value:e}");
+        }
+        assert!(gauge_study(&study(1e100), None).is_ok());
+    }
 
     /// The study of AIAG, "Measurement Systems Analysis", 4th edition, Figure III-B 15 (Minitab's GAGEAIAG.MTW): ten parts,
     /// three appraisers, three trials.

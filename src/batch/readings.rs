@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::BatchError;
 use super::msa::Study;
+use crate::output::{inert, original};
 
 /// Reads a study. `trial` may be missing: then the order of the rows counts.
 ///
@@ -14,7 +15,7 @@ use super::msa::Study;
 pub fn read(path: &Path) -> Result<Study, BatchError> {
     let name = path.display().to_string();
     let wrong = |problem: String| BatchError::Input(format!("{name}: {problem}"));
-    let text = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
+    let text = crate::document::read_table(path).map_err(|e| BatchError::Input(e.to_string()))?;
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text);
     let headers = reader.headers().map_err(|e| wrong(e.to_string()))?.clone();
@@ -44,7 +45,7 @@ pub fn read(path: &Path) -> Result<Study, BatchError> {
                 names.len() - 1
             })
         };
-        let (i, j) = (place(&mut parts, field(part)), place(&mut appraisers, field(appraiser)));
+        let (i, j) = (place(&mut parts, original(field(part))), place(&mut appraisers, original(field(appraiser))));
         let order = trial.map(|k| number(k, "trial")).transpose()?.unwrap_or(row as f64);
         cells.entry((i, j)).or_default().push((order, number(value, "value")?));
     }
@@ -63,11 +64,17 @@ pub fn write(study: &Study) -> String {
     for (part, rows) in study.parts.iter().zip(&study.values) {
         for (appraiser, cell) in study.appraisers.iter().zip(rows) {
             for (k, value) in cell.iter().enumerate() {
-                let _ = writeln!(out, "{part},{appraiser},{},{value}", k + 1);
+                let _ = writeln!(out, "{},{},{},{value}", cell_text(part), cell_text(appraiser), k + 1);
             }
         }
     }
     out
+}
+
+/// A name as a cell: no formula of a spreadsheet, and in quotes where it holds what would end it.
+fn cell_text(name: &str) -> String {
+    let name = inert(name);
+    if name.contains(['"', ',', '\n', '\r', '#']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.into_owned() }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::journal::Damage;
 use super::statistics::{Finding, MetricStatistics, ParetoBar, Proportion, Tolerance, metric, pareto, proportion};
 use super::store::Header;
 use super::tally::{Attempt, MetricKey, Tally, deciding};
-use crate::record::Outcome;
+use crate::record::{Origin, Outcome};
 
 /// One valve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -53,6 +53,15 @@ pub struct BatchSummary {
     pub outcome: Outcome,
     /// What was asked for.
     pub batch: Header,
+    /// What the pressures of the batch came from; statistics are over valves of this origin alone.
+    #[serde(default = "real")]
+    pub origin: Origin,
+    /// Valves of another origin, by serial number: shown, and in no statistics.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_pooled: Vec<String>,
+    /// Valves whose test ended with a current that nobody saw go, by serial number.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub safe_state_not_confirmed: Vec<String>,
     /// Valves that were asked for and have no attempt yet.
     pub not_tested: usize,
     /// Number of valves per final outcome.
@@ -87,8 +96,11 @@ pub fn summarise(
 ) -> BatchSummary {
     let valves: Vec<&[Attempt]> = tally.valves().collect();
     let decided: Vec<&Attempt> = valves.iter().map(|v| deciding(v)).collect();
-    let judged: Vec<&Attempt> = decided.iter().copied().filter(|a| a.judged()).collect();
-    let first: Vec<&Attempt> = valves.iter().filter_map(|v| v.iter().find(|a| a.judged())).collect();
+    let origin = origin(header, &decided);
+    let judged: Vec<&Attempt> = decided.iter().copied().filter(|a| a.judged() && a.origin == origin).collect();
+    let first: Vec<&Attempt> = valves.iter().filter_map(|v| v.iter().find(|a| a.judged() && a.origin == origin)).collect();
+    let serials =
+        |of: &dyn Fn(&[Attempt]) -> bool| -> Vec<String> { valves.iter().filter(|v| of(v)).map(|v| v[0].dut.serial.clone()).collect() };
     let mut counts = BTreeMap::new();
     for attempt in &decided {
         *counts.entry(outcome_text(attempt.outcome).to_string()).or_default() += 1;
@@ -109,6 +121,9 @@ pub fn summarise(
         schema: super::store::SCHEMA.into(),
         outcome: if not_tested > 0 { worst.max(Outcome::NotRun) } else { worst },
         batch: header.clone(),
+        origin,
+        not_pooled: serials(&|v| deciding(v).judged() && deciding(v).origin != origin),
+        safe_state_not_confirmed: serials(&|v| v.iter().any(|a| a.ended_unsafe)),
         not_tested,
         counts,
         first_pass: proportion(first.iter().filter(|a| a.accepted()).count(), first.len()),
@@ -120,6 +135,20 @@ pub fn summarise(
         valves: valves.iter().map(|v| row(v, &report)).collect(),
         damage,
     }
+}
+
+fn real() -> Origin {
+    Origin::Real
+}
+
+/// What a batch is one of: a simulation, or real valves as soon as one of them was real.
+fn origin(header: &Header, decided: &[&Attempt]) -> Origin {
+    if header.simulated {
+        return Origin::Simulated;
+    }
+    let emulated = header.rig.emulated || decided.iter().any(|a| a.origin == Origin::Emulated);
+    let any_real = decided.iter().any(|a| a.judged() && a.origin == Origin::Real);
+    if emulated && !any_real { Origin::Emulated } else { Origin::Real }
 }
 
 /// What an attempt failed in: its failed metrics, or the outcome that stands in for a verdict.

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::record::{Dut, LimitRecord, Measurement, Outcome, TestRecord};
+use crate::record::{Dut, LimitRecord, Measurement, Origin, Outcome, TestRecord};
 
 /// One metric of the batch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,8 +33,10 @@ pub struct Attempt {
     pub dut: Dut,
     /// Its outcome.
     pub outcome: Outcome,
-    /// Whether it was a simulation.
-    pub simulated: bool,
+    /// What its pressures came from.
+    pub origin: Origin,
+    /// Whether it ended with a current that nobody saw go.
+    pub ended_unsafe: bool,
     /// Why there is no verdict, or what failed first.
     pub reason: Option<String>,
     /// Value and verdict of each metric, in the order of [`Tally::metrics`]; NaN where there is none.
@@ -91,7 +93,8 @@ impl Tally {
         }
         let reason = record.reasons.first().cloned().or(failed);
         let dut = record.dut.clone();
-        self.attempts.push(Attempt { position, number, dut, outcome: record.outcome, simulated: record.simulated, reason, values });
+        let (origin, ended_unsafe) = (record.origin(), record.ended_unsafe());
+        self.attempts.push(Attempt { position, number, dut, outcome: record.outcome, origin, ended_unsafe, reason, values });
     }
 
     /// Brings the attempts into the order of the batch, and the metrics into that of the first valve's record: neither depends on

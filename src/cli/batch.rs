@@ -14,7 +14,7 @@ use super::outputs::Force;
 use super::run::{exit_code, key_value, stop_on_signals};
 use super::{CliError, CliResult, exit};
 use crate::batch::campaign::{self, Confirmed, Job, Retry, Rules};
-use crate::batch::journal::{Kind, Line, frame};
+use crate::batch::journal::{Kind, Line, encode};
 use crate::batch::population::Population;
 use crate::batch::station::Station;
 use crate::batch::store::{Header, Loaded, SCHEMA, Store};
@@ -182,7 +182,7 @@ fn conduct(
         let record = setup.without_run(&interrupted.dut, Outcome::Aborted, why);
         let (position, attempt) = (interrupted.position, interrupted.attempt);
         let line = Line { event: Kind::Finished, position, attempt, at: now(), dut: None, record: Some(record.clone()) };
-        journal.append(&frame(&line)).map_err(failed)?;
+        journal.append(&encode(&line)).map_err(failed)?;
         loaded.tally.add(position, attempt, &record);
         loaded.last.insert(position, (attempt, Outcome::Aborted));
         super::note(&format!("valve {}: attempt {attempt} was interrupted; closed as ABORTED", record.dut.serial));
@@ -216,7 +216,7 @@ fn conduct(
         None => Box::new(super::batch_prompt::Prompted::new(args, &loaded, limits, Arc::clone(&stop), Arc::clone(&seen))),
     };
     let mut told = Told::new(total, done);
-    let rules = Rules { retry: &retry, stop: &stop, clock: &now };
+    let rules = Rules { retry: &retry, stop: &stop, clock: &now, synced: !setup.simulated() };
     let result = campaign::run(journal, jobs, bench.workers(), rules, &mut loaded.tally, |one| {
         lock(&seen).insert(one.job.dut.serial.clone(), (one.job.position, one.job.attempt, one.record.outcome));
         told.one(one);
@@ -278,7 +278,9 @@ fn station(args: &BatchArgs, plan: &Plan) -> Result<(Option<Station>, Option<ser
         }
     }
     let checks = master::read(&master::log_path(path)).map_err(failed)?;
-    master::open(&station, &checks, &plan.sha256, args.rig.sim, jiff::Timestamp::now()).map_err(failed)?;
+    let driver = args.rig.wire.driver.as_deref().map(super::on_wire::load_profile).transpose()?;
+    let unreal = args.rig.sim || driver.is_some_and(|p| p.device.emulated);
+    master::open(&station, &checks, &plan.sha256, unreal, jiff::Timestamp::now()).map_err(failed)?;
     let block = station.provenance(args.operator.as_deref(), &overrides);
     Ok((Some(station), Some(block)))
 }

@@ -16,6 +16,7 @@ use crate::batch::BatchError;
 use crate::batch::campaign::{Job, Retry, Worker};
 use crate::batch::population::{Population, valve_seed};
 use crate::batch::station::Station;
+use crate::output::make_folder_within;
 use crate::plan::Plan;
 use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, Provenance, TestRecord, Timing, Trace};
 use crate::rig::RigIdentity;
@@ -70,7 +71,7 @@ impl Setup {
         let sites = sites(args, station)?;
         let identity = match &args.wire.driver {
             Some(driver) => driver_identity(driver)?,
-            None => RigIdentity { kind: "sim".into(), name: file_name(&path), sha256: sha256(&path)?, details: Vec::new() },
+            None => RigIdentity { kind: "sim".into(), name: file_name(&path), sha256: sha256(&path)?, ..RigIdentity::default() },
         };
         let prepared = Prepared::new(&plan, &model);
         let shared = station.and_then(|s| s.supply.as_ref()).is_some_and(|s| s.shared);
@@ -98,9 +99,20 @@ impl Setup {
         let _turn = self.supply.as_ref().map(|s| s.lock().unwrap_or_else(PoisonError::into_inner));
         match on_wire::run(&self.plan, &self.model, dut, seed, wire) {
             Ok(run) => Ok((run.record, run.trace)),
-            Err(e) if e.code == exit::ABORTED => Ok((self.without_run(dut, Outcome::Aborted, e.message), Trace::default())),
-            Err(e) if e.code == exit::RIG => Ok((self.without_run(dut, Outcome::Error, e.message), Trace::default())),
-            Err(e) => Err(BatchError::Input(e.message)),
+            Err(on_wire::Failed { error, safe }) => {
+                let outcome = match error.code {
+                    exit::ABORTED => Outcome::Aborted,
+                    exit::RIG | exit::INTERNAL => Outcome::Error,
+                    _ => return Err(BatchError::Input(error.message)),
+                };
+                let mut record = self.without_run(dut, outcome, error.message);
+                record.safe_state = safe.map(Into::into);
+                if record.ended_unsafe() {
+                    record.outcome = Outcome::Error;
+                    record.reasons.insert(0, "SAFE STATE NOT CONFIRMED".into());
+                }
+                Ok((record, Trace::default()))
+            }
         }
     }
 
@@ -177,7 +189,13 @@ fn driver_identity(driver: &str) -> Result<RigIdentity, CliError> {
     let path = Profile::find(driver).map_err(CliError::input)?;
     let profile = Profile::load(&path).map_err(CliError::input)?;
     let kind = if profile.transport.kind == TransportKind::Line { "serial" } else { "modbus" };
-    Ok(RigIdentity { kind: kind.into(), name: profile.name, sha256: sha256(&path)?, details: Vec::new() })
+    Ok(RigIdentity {
+        kind: kind.into(),
+        name: profile.name,
+        sha256: sha256(&path)?,
+        emulated: profile.device.emulated,
+        details: Vec::new(),
+    })
 }
 
 fn file_name(path: &Path) -> String {
@@ -231,7 +249,8 @@ impl Bench<'_> {
             record.rig.details.push(("site".into(), (site + 1).to_string()));
         }
         let further = job.attempt < self.retry.most && self.retry.after.contains(&record.outcome);
-        if record.outcome == Outcome::Error && !self.setup.simulated() && !further {
+        // Nothing else is tried on a bench whose current nobody saw go.
+        if record.ended_unsafe() || record.outcome == Outcome::Error && !self.setup.simulated() && !further {
             self.down.store(true, Ordering::Relaxed);
             self.stop.store(true, Ordering::Relaxed);
         }
@@ -239,9 +258,11 @@ impl Bench<'_> {
         record.provenance = Some(Provenance { version: version.clone(), started: started.clone(), station: self.station.cloned() });
         let accepted = matches!(record.outcome, Outcome::Pass | Outcome::Marginal);
         if self.reports == ValveReports::All || (self.reports == ValveReports::Failed && !accepted) {
-            let folder = self.dir.join(attempt_folder(&job.dut.serial, job.attempt));
+            let below = attempt_folder(&job.dut.serial, job.attempt);
+            let folder = self.dir.join(&below);
+            make_folder_within(self.dir, Path::new(&below)).map_err(|e| BatchError::store(&folder, e))?;
             let stored = |e: CliError| BatchError::store(&folder, std::io::Error::other(e.message));
-            run_folder::make_folder(&folder).and_then(|()| run_folder::write(&folder, &record, &trace)).map_err(stored)?;
+            run_folder::write(&folder, &record, &trace).map_err(stored)?;
         }
         // What all attempts share stands once, in plan, model and head of the batch, and not in every line of the journal.
         record.stability = None;

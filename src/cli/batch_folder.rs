@@ -8,7 +8,8 @@ use crate::batch::index::Index;
 use crate::batch::store::write_whole;
 use crate::batch::summary::BatchSummary;
 use crate::batch::tally::{Attempt, Tally};
-use crate::output::Mark;
+use crate::output::{Mark, folder_name};
+use crate::record::TestRecord;
 use crate::recording::{Column, RecordingError, Values, replace_file, write_parquet};
 use crate::report;
 
@@ -23,16 +24,22 @@ pub const FILES: [(&str, Mark); 7] = [
     ("valves", Mark::None),
 ];
 
-/// Folder of one attempt below that of the batch.
+/// Folder of one attempt below that of the batch; no two serial numbers share one.
 pub fn attempt_folder(serial: &str, attempt: u32) -> String {
-    let serial: String = serial.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.+#".contains(c) { c } else { '_' }).collect();
-    format!("valves/{serial}/attempt-{attempt}")
+    format!("valves/{}/attempt-{attempt}", folder_name(serial))
 }
 
 /// The report of an attempt, where it has one.
 pub fn report_link(dir: &Path, attempt: &Attempt) -> Option<String> {
-    let path = format!("{}/report.html", attempt_folder(&attempt.dut.serial, attempt.number));
-    dir.join(&path).is_file().then(|| path.replace('#', "%23"))
+    let here = format!("{}/report.html", attempt_folder(&attempt.dut.serial, attempt.number));
+    if dir.join(&here).is_file() {
+        return Some(here.replace('#', "%23"));
+    }
+    // The first version had other names, which two serial numbers could share: the record in it says whose it is.
+    let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.+#".contains(c) { c } else { '_' };
+    let old = format!("valves/{}/attempt-{}", attempt.dut.serial.chars().map(plain).collect::<String>(), attempt.number);
+    let record = TestRecord::load(&dir.join(&old)).ok()?;
+    (record.dut.serial == attempt.dut.serial).then(|| format!("{old}/report.html").replace('#', "%23"))
 }
 
 /// An id that follows from what the report says.

@@ -16,8 +16,7 @@ use crate::record::{Dut, Outcome};
 
 /// What an earlier batch says of a serial number, where it has passed.
 pub fn passed_before(dir: &Path, serial: &str) -> Result<Option<String>, BatchError> {
-    let index = Index::open(dir)?;
-    let found = index.query(&Query { serial: Some(serial.into()), limit: 1000, ..Query::default() })?;
+    let (_, found, _) = Index::answers(dir, &Query { serial: Some(serial.into()), limit: 1000, ..Query::default() })?;
     let passed = found.iter().rfind(|a| a.outcome == "PASS" || a.outcome == "MARGINAL");
     Ok(passed.map(|a| format!("has passed before ({} in {}, {})", a.outcome, a.batch, a.at)))
 }

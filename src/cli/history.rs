@@ -75,9 +75,8 @@ pub fn run(args: &HistoryArgs) -> CliResult {
     if !args.store.is_dir() {
         return Err(CliError::input(format!("{}: is no folder with batches", args.store.display())));
     }
-    let index = if args.rebuild { Index::rebuild(&args.store) } else { Index::open(&args.store) }.map_err(failed)?;
-    if index.temporary {
-        super::note(&format!("{} cannot be written: the index is made in memory for this question", args.store.display()));
+    if args.rebuild {
+        Index::rebuild(&args.store).map_err(failed)?;
     }
     let query = Query {
         serial: args.serial.clone(),
@@ -89,7 +88,13 @@ pub fn run(args: &HistoryArgs) -> CliResult {
         metric: args.metric.clone(),
         limit: args.limit,
     };
-    let answers = index.query(&query).map_err(failed)?;
+    let (index, answers, anew) = Index::answers(&args.store, &query).map_err(failed)?;
+    if index.temporary {
+        super::note(&format!("{} cannot be written: the index is made in memory for this question", args.store.display()));
+    }
+    if anew {
+        super::note("warning: the index did not agree with the journals; it was made anew from them");
+    }
     if args.record {
         return records(&index, &answers);
     }
@@ -119,7 +124,11 @@ fn table(answers: &[Answer]) -> String {
     let _ = writeln!(out, "{:<24} {:<20} {:<3} {:<9} {:<16} batch", "serial", "at", "try", "outcome", "plan");
     for a in answers {
         let at = a.at.get(..19).unwrap_or(&a.at);
-        let sim = if a.simulated { " (simulated)" } else { "" };
+        let sim = match (a.simulated, a.emulated) {
+            (true, _) => " (simulated)",
+            (false, true) => " (EMULATED)",
+            _ => "",
+        };
         let _ = writeln!(out, "{:<24} {at:<20} {:<3} {:<9} {:<16} {}{sim}", a.serial, a.attempt, a.outcome, a.plan, a.batch);
         for m in &a.measurements {
             let value = m.value.map_or_else(|| "-".into(), |v| format::quantity(v, &m.unit));

@@ -57,6 +57,10 @@ pub fn run(args: &MasterArgs) -> CliResult {
     master::append(&log, &check).map_err(failed)?;
     let verdict = if check.as_expected { "as it should" } else { "NOT as it should: the gate stays closed" };
     super::print(&format!("master {} got {}, {verdict}\n", check.serial, format::outcome(check.outcome)))?;
+    if record.ended_unsafe() {
+        super::print("SAFE STATE NOT CONFIRMED - REMOVE POWER\n")?;
+        return Ok(exit::RIG);
+    }
     super::note(&format!("stored in {}, logged in {}", folder.display(), log.display()));
     Ok(if check.as_expected { exit::DONE } else { exit::NEGATIVE })
 }

@@ -24,6 +24,7 @@ mod history;
 mod identify;
 mod input;
 mod jobs;
+mod last_word;
 mod margins;
 mod master;
 mod msa;
@@ -103,6 +104,9 @@ pub type CliResult = Result<u8, CliError>;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Let plans read files outside of their projects (the nearest folder up with `hil.toml` or `.git`, else the plan's own).
+    #[arg(long, global = true, hide_short_help = true)]
+    allow_outside: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -201,12 +205,13 @@ enum Command {
     Completions(completions::CompletionsArgs),
 }
 
-/// Runs the program; a panic, which is a bug, ends it with [`exit::INTERNAL`] and says so.
+/// Runs the program; a panic, which is a bug, ends it with [`exit::INTERNAL`] and says so. The last word has the safe state.
 pub fn guarded(program: impl FnOnce() -> u8 + std::panic::UnwindSafe) -> u8 {
-    std::panic::catch_unwind(program).unwrap_or_else(|_| {
+    let code = std::panic::catch_unwind(program).unwrap_or_else(|_| {
         note("error: this is a bug in hil; the message above says where. Please report it with the command line and its files.");
         exit::INTERNAL
-    })
+    });
+    last_word::say(code)
 }
 
 /// Runs the command line and returns the exit code.
@@ -219,6 +224,9 @@ pub fn main() -> u8 {
             return code;
         }
     };
+    if cli.allow_outside {
+        crate::plan::allow_anywhere();
+    }
     let result: CliResult = match cli.command {
         Command::Challenge(args) => challenge::run(&args),
         Command::Run(args) => run::run(&args),

@@ -116,7 +116,7 @@ pub fn run(args: &MsaArgs) -> CliResult {
         write_whole(&dir.join("readings.csv"), readings::write(&taken.study).as_bytes()).map_err(failed)?;
         write_whole(&dir.join("msa.json"), json.as_bytes()).map_err(failed)?;
     }
-    let mark = if taken.simulated { "SIMULATION - this says nothing of a real gauge\n" } else { "" };
+    let mark = if taken.simulated { "SIMULATION or EMULATED - this says nothing of a real gauge\n" } else { "" };
     super::print(&match args.format {
         Format::Text => format!("{mark}{}", msa_text(&taken.name, &taken.unit, &study, &capability)),
         Format::Markdown => format!("{mark}{}", msa_markdown(&taken.name, &taken.unit, &study, &capability)),
@@ -187,6 +187,7 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
     let mut order: Vec<(usize, usize)> = (0..args.parts).flat_map(|i| (0..args.appraisers).map(move |j| (i, j))).collect();
     let mut rng = rand_pcg::Pcg64::seed_from_u64(args.seed);
     let mut facts: Option<(String, Option<f64>)> = None;
+    let mut emulated = false;
     let mut input = std::io::stdin().lock();
     for trial in 0..args.trials {
         order.shuffle(&mut rng);
@@ -198,9 +199,13 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
             let dut = Dut { serial: parts[i].replace(' ', "-"), ..Dut::default() };
             let attempt = (1 + trial * args.appraisers + j) as u32;
             let (record, _) = setup.attempt(0, i, attempt, &dut).map_err(failed)?;
+            if record.ended_unsafe() {
+                return Err(CliError::rig(format!("{}: {}", record.dut.serial, record.reasons.join("; "))));
+            }
             if record.outcome == crate::record::Outcome::Aborted {
                 return Err(CliError { code: exit::ABORTED, message: record.reasons.join("; ") });
             }
+            emulated |= record.rig.emulated;
             let found = reading(&record, metric)?;
             facts.get_or_insert((found.1, found.2));
             values[i][j].push(found.0);
@@ -211,7 +216,13 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
         (Some(text), Some(unit)) => Some(width(text, unit)?),
         _ => of_plan,
     };
-    Ok(Readings { name: metric.clone(), unit, tolerance, study: Study { parts, appraisers, values }, simulated: setup.simulated() })
+    Ok(Readings {
+        name: metric.clone(),
+        unit,
+        tolerance,
+        study: Study { parts, appraisers, values },
+        simulated: setup.simulated() || emulated,
+    })
 }
 
 /// Value, unit and width between the limits of the metric in a record.

@@ -7,13 +7,14 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use super::last_word::Watched;
 use super::{CliError, exit};
 use crate::plan::Plan;
 use crate::record::{Dut, Outcome, TestRecord, Trace};
-use crate::rig::loop_thread::{self, LoopControl, LoopError, safe_text};
+use crate::rig::loop_thread::{self, LoopControl, safe_text};
 use crate::rig::profile::Profile;
 use crate::rig::wire::TracedFrame;
-use crate::rig::{Endpoint, Options, Quality, RigError, open};
+use crate::rig::{Endpoint, Options, Quality, RigError, SafeState, open};
 use crate::runner::{self, Observer, Progress, RunOptions};
 use crate::units::{Current, Pressure};
 use crate::valve::Valve;
@@ -81,8 +82,29 @@ pub fn load_profile(name: &str) -> Result<Profile, CliError> {
     Profile::find(name).and_then(|path| Profile::load(&path)).map_err(CliError::input)
 }
 
+/// A run that gave no record.
+#[derive(Debug)]
+pub struct Failed {
+    /// Why.
+    pub error: CliError,
+    /// What is known of the safe state; `None` where nothing was written.
+    pub safe: Option<SafeState>,
+}
+
+impl From<Failed> for CliError {
+    fn from(failed: Failed) -> Self {
+        failed.error
+    }
+}
+
+impl From<CliError> for Failed {
+    fn from(error: CliError) -> Self {
+        Self { error, safe: None }
+    }
+}
+
 /// Runs a plan on hardware, on a thread of its own.
-pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) -> Result<WireRun, CliError> {
+pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) -> Result<WireRun, Failed> {
     let profile = load_profile(args.driver.as_deref().unwrap_or_default())?;
     let at = endpoint(&args.port, &args.tcp, "--driver")?;
     let pressure_source = match &args.pressure_driver {
@@ -90,6 +112,7 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
         None => None,
     };
     let control = Arc::new(LoopControl::default());
+    let _watched = Watched(Arc::clone(&control));
     let (producer, mut view) = live_view(args.watch);
     let (plan, model, dut) = (plan.clone(), model.clone(), dut.clone());
     let options = Options {
@@ -107,6 +130,9 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
         let run = RunOptions { model: &model, dut: &dut, seed, stop: Some(inside.stop_flag()), prepared: None };
         let (mut record, trace) = runner::run(&plan, &mut rig, &run, &mut Feed(producer));
         let (losses, last) = rig.losses();
+        if rig.watchdog_proofs() > 0 {
+            record.rig.details.push(("watchdog re-proven".into(), format!("{} times during the run", rig.watchdog_proofs())));
+        }
         let lost = losses.lost + losses.stale + losses.exceptions + losses.implausible > 0;
         if lost {
             let counts = format!(
@@ -133,9 +159,12 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
     view.finish();
     match result {
         Ok(Ok(run)) => Ok(run),
-        Ok(Err(error)) => Err(failed(error, &control)),
-        Err(error @ LoopError::Panicked { .. }) if error.is_safe() => Err(CliError { code: exit::INTERNAL, message: error.to_string() }),
-        Err(error) => Err(CliError::rig(error)),
+        Ok(Err(error)) => Err(Failed { error: failed(error, &control), safe: control.safe_state() }),
+        Err(error) => {
+            let code = if error.is_safe() { exit::INTERNAL } else { exit::RIG };
+            let unknown = || control.left_energised().then(|| SafeState::of(false, "the loop ended before it could be read back"));
+            Err(Failed { error: CliError { code, message: error.to_string() }, safe: control.safe_state().or_else(unknown) })
+        }
     }
 }
 

@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::last_word;
 use super::on_wire::{endpoint, load_profile};
 use super::{CliError, CliResult, exit};
+use crate::rig::loop_thread::safe_text;
 use crate::rig::wire::probe;
 
 /// Arguments of `hil probe`.
@@ -26,7 +28,12 @@ pub struct ProbeArgs {
 pub fn run(args: &ProbeArgs) -> CliResult {
     let profile = load_profile(&args.driver)?;
     let at = endpoint(&args.port, &args.tcp, "--driver")?;
-    let found = probe(&profile, &at).map_err(CliError::rig)?;
+    let probed = probe(&profile, &at);
+    let confirmed = probed.safe.as_ref().is_none_or(|s| s.confirmed);
+    if let Some(state) = &probed.safe {
+        last_word::note(state);
+    }
+    let found = probed.findings.map_err(CliError::rig)?;
     let mut text = format!("{} {} ({})\n", profile.device.vendor, profile.device.model, profile.name);
     for (what, value) in &found.facts {
         text.push_str(&format!("  {what:<20} {value}\n"));
@@ -41,6 +48,9 @@ pub fn run(args: &ProbeArgs) -> CliResult {
     for warning in &found.warnings {
         text.push_str(&format!("note: {warning}\n"));
     }
+    if let Some(state) = probed.safe {
+        text.push_str(&format!("{}\n", safe_text(&Some(state))));
+    }
     super::print(&text)?;
-    Ok(exit::DONE)
+    Ok(if confirmed { exit::DONE } else { exit::RIG })
 }

@@ -17,8 +17,8 @@ use crate::physics::{PhysicsError, resolve};
 use crate::plan::{LimitsFile, Override, Plan};
 use crate::record::{Dut, Outcome, Provenance, TestRecord, Trace};
 use crate::report;
-use crate::rig::RigIdentity;
 use crate::rig::simulated::SimulatedRig;
+use crate::rig::{RigIdentity, signals};
 use crate::runner::{self, RunOptions};
 use crate::valve::Valve;
 
@@ -204,12 +204,12 @@ fn sha256(path: &Path) -> Result<String, CliError> {
     Ok(Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect())
 }
 
-/// A flag that the first SIGINT, SIGTERM or SIGHUP sets.
+/// A flag that the first signal sets that would end or stop the program.
 pub fn stop_on_signals() -> Result<Arc<AtomicBool>, CliError> {
     let stop = Arc::new(AtomicBool::new(false));
-    #[cfg(unix)]
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(|e| CliError::rig(format!("signal handler: {e}")))?;
+    for number in signals::numbers() {
+        // A signal that this system does not let be caught ends the program as ever.
+        let _ = signal_hook::flag::register(number, Arc::clone(&stop));
     }
     Ok(stop)
 }

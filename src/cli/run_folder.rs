@@ -4,15 +4,18 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::CliError;
+use crate::output::{folder_name, make_folder};
 use crate::record::{TestRecord, Trace};
 use crate::recording::{Column, RecordingError, Values, replace_file, write_parquet};
 use crate::report;
 
 /// The folder of a run that named none: the first `reports/runs/<plan>-<serial>-<n>` that does not exist.
 pub fn new_folder(plan: &str, serial: &str) -> Result<PathBuf, CliError> {
-    let serial: String = serial.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    let plan: String = plan.chars().map(|c| if plain(c) { c } else { '_' }).collect();
+    let serial = folder_name(serial);
     let runs = Path::new("reports/runs");
-    std::fs::create_dir_all(runs).map_err(|e| CliError::not_stored(format!("{}: {e}", runs.display())))?;
+    make_folder(runs).map_err(|e| CliError::not_stored(format!("{}: {e}", runs.display())))?;
     for n in 1u32.. {
         let folder = runs.join(format!("{plan}-{serial}-{n}"));
         match std::fs::create_dir(&folder) {
@@ -22,17 +25,6 @@ pub fn new_folder(plan: &str, serial: &str) -> Result<PathBuf, CliError> {
         }
     }
     Err(CliError::not_stored(format!("{}: no free number", runs.display())))
-}
-
-/// Makes the folder that `--out` names, before anything moves.
-pub fn make_folder(folder: &Path) -> Result<(), CliError> {
-    std::fs::create_dir_all(folder).map_err(|e| CliError::not_stored(format!("{}: {e}", folder.display())))?;
-    // A folder that cannot be written is found now, not after the test.
-    write_text(&folder.join(".write-test"), "")
-        .and_then(|()| {
-            std::fs::remove_file(folder.join(".write-test")).map_err(|source| RecordingError::Io { path: folder.into(), source })
-        })
-        .map_err(CliError::not_stored)
 }
 
 /// Writes the run; each file is whole or not there, the record comes last.

@@ -4,13 +4,15 @@
 //! A command lists what it reads and what it writes in [`Outputs`] and claims all of it at once; [`whole_file`] then
 //! writes each. Nothing is replaced that is an input, another output, part of a record, or not the program's own.
 
+mod cell;
 mod claim;
 mod mark;
 mod whole;
 
+pub use cell::{inert, original};
 pub use claim::{Claim, Outputs};
 pub use mark::Mark;
-pub use whole::{WriteError, clear_leftovers, make_folder, sync_folder, whole_file};
+pub use whole::{WriteError, clear_leftovers, folder_name, make_folder, make_folder_within, sync_folder, whole_file};
 
 use std::path::PathBuf;
 

@@ -6,6 +6,8 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use sha2::{Digest, Sha256};
+
 /// End of the name of a file that is being written.
 const PART: &str = ".part";
 
@@ -85,6 +87,41 @@ pub fn make_folder(folder: &Path) -> io::Result<()> {
     if folder.is_dir() { Ok(()) } else { Err(io::Error::new(io::ErrorKind::NotADirectory, "is not a folder")) }
 }
 
+/// Makes a folder below `root`, which may be reached over a link; below it none is followed.
+///
+/// # Errors
+/// What the file system says, or that a link stands in the way.
+pub fn make_folder_within(root: &Path, below: &Path) -> io::Result<()> {
+    let mut place = root.to_path_buf();
+    for part in below.components() {
+        let std::path::Component::Normal(part) = part else {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{} leads out of the folder", below.display())));
+        };
+        place.push(part);
+        if fs::symlink_metadata(&place).is_ok_and(|m| m.is_symlink()) {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                format!("{} is a link; links in a store are not followed", place.display()),
+            ));
+        }
+    }
+    make_folder(&place)
+}
+
+/// The name of a folder for a text of a person, one to one: no two texts share a name, also where a disk tells no case. Capitals,
+/// digits and a few signs stand as they are; whatever else the text holds shows in a digest behind its readable part.
+pub fn folder_name(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || "-_+#".contains(c);
+    // Names that some systems keep for devices.
+    let device = ["CON", "PRN", "AUX", "NUL", "COM", "LPT"].iter().any(|d| text.starts_with(d) && text.len() <= 4);
+    if !text.is_empty() && text.len() <= 64 && !device && text.chars().all(plain) {
+        return text.into();
+    }
+    let readable: String = text.chars().take(32).map(|c| if c.is_ascii_alphanumeric() || "-_+#".contains(c) { c } else { '_' }).collect();
+    let digest: String = Sha256::digest(text.as_bytes()).iter().take(8).map(|b| format!("{b:02x}")).collect();
+    format!("{readable}~{digest}")
+}
+
 /// Removes what killed writers left in a folder; a part whose writer lives is locked and stays.
 pub fn clear_leftovers(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -153,6 +190,57 @@ mod tests {
         wanted.push(living.file_name().unwrap().to_string_lossy().into_owned());
         wanted.sort();
         assert_eq!(left, wanted);
+    }
+
+    #[test]
+    fn names_are_one_to_one_also_where_case_does_not_count() {
+        let long = "A".repeat(300);
+        let texts = [
+            "a/b",
+            "a_b",
+            "A/B",
+            "A_B",
+            "a b",
+            "..",
+            ".",
+            "",
+            "V-1",
+            "v-1",
+            "V-1 ",
+            "NUL",
+            "nul",
+            "COM1",
+            &long,
+            &long[..299],
+            "\u{e9}",
+            "e\u{301}",
+            "\u{1f600}",
+            "V~1",
+            "a_b~0011223344556677",
+            "#1",
+            "x\0y",
+            "C:X",
+            "trailing.",
+        ];
+        let mut names: Vec<String> = texts.iter().map(|t| folder_name(t).to_lowercase()).collect();
+        for name in &names {
+            assert!(!name.is_empty() && name.len() <= 64 && !name.contains(['/', '\\', '\0', ':', '.']), "{name}");
+        }
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), texts.len());
+        assert_eq!((folder_name("SIM-000017"), folder_name("V-1")), ("SIM-000017".into(), "V-1".into()));
+    }
+
+    #[test]
+    fn a_link_below_a_store_is_not_followed() {
+        let (folder, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        make_folder_within(folder.path(), Path::new("a/b")).unwrap();
+        std::os::unix::fs::symlink(elsewhere.path(), folder.path().join("link")).unwrap();
+        for below in ["link", "link/x", "../x", "a/../../x"] {
+            assert!(make_folder_within(folder.path(), Path::new(below)).is_err(), "{below}");
+        }
+        assert_eq!(fs::read_dir(elsewhere.path()).unwrap().count(), 0);
     }
 
     #[test]

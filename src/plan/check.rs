@@ -12,6 +12,7 @@ use super::error::Wrong;
 use super::file::{LimitFile, PhaseFile, PlanFile, SCHEMA};
 use super::parameters::{Override, apply_overrides, substitute};
 use super::stimulus::waveform;
+use super::territory;
 use super::{
     Attempts, ControllerFile, Interlocks, Level, LevelKind, Measure, Phase, Plan, PlanError, Preconditions, RetryOn, Role, Source,
     TimingLimits,
@@ -45,6 +46,10 @@ impl Plan {
         apply_overrides(root.get_mut(), overrides)?;
         substitute(root.get_mut()).map_err(|w| w.shown(text, source_name))?;
         let file = PlanFile::deserialize(Deserializer::from(root)).map_err(syntax)?;
+        for (key, name) in [("model", &file.model), ("valve", &file.valve)] {
+            let outside = |problem: String| PlanError::Document(document::underline_key(text, source_name, key, &problem));
+            name.as_deref().map_or(Ok(()), |name| territory::check(folder, name)).map_err(outside)?;
+        }
         let source = Source { name: source_name.into(), text: text.into(), folder: folder.into() };
         let overridden = overrides.iter().map(|o| o.0.clone()).collect();
         checked(file, source, overridden).map_err(|w| w.shown(text, source_name))

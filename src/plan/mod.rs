@@ -13,6 +13,7 @@ mod parameters;
 mod serial;
 mod stimulus;
 mod stimulus_table;
+mod territory;
 mod waveform;
 
 use std::path::PathBuf;
@@ -28,6 +29,7 @@ pub use limits_file::{LIMITS_SCHEMA, LimitEntry, LimitsFile};
 pub use parameters::Override;
 pub use serial::{CheckCharacter, SerialError, SerialForm};
 pub use stimulus::StimulusFile;
+pub use territory::{allow_anywhere, project};
 pub use waveform::{Piece, Waveform};
 
 use crate::control::ControllerSettings;

@@ -191,6 +191,46 @@ pub struct SafeStateRecord {
     pub confirmed: bool,
     /// What was written and read back.
     pub evidence: String,
+    /// Latest fresh reading of the current [A]; `None` where the rig measures none, or none came.
+    #[serde(default)]
+    pub current_a: Option<f64>,
+    /// Time from the first write of zero to the confirmation, or until it was given up [s].
+    #[serde(default)]
+    pub within_s: Option<f64>,
+}
+
+impl From<crate::rig::SafeState> for SafeStateRecord {
+    fn from(state: crate::rig::SafeState) -> Self {
+        Self { confirmed: state.confirmed, evidence: state.evidence, current_a: state.current_a, within_s: state.within_s }
+    }
+}
+
+/// What a pressure came from; verdicts of the three are never pooled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// A valve.
+    Real,
+    /// An emulated valve behind real bytes on a wire.
+    Emulated,
+    /// A simulation.
+    Simulated,
+}
+
+impl TestRecord {
+    /// What the pressures came from.
+    pub fn origin(&self) -> Origin {
+        match (self.simulated, self.rig.emulated) {
+            (true, _) => Origin::Simulated,
+            (false, true) => Origin::Emulated,
+            (false, false) => Origin::Real,
+        }
+    }
+
+    /// Whether the run ended with a current that nobody saw go.
+    pub fn ended_unsafe(&self) -> bool {
+        self.safe_state.as_ref().is_some_and(|s| !s.confirmed)
+    }
 }
 
 /// When, where and with what a run was made; left out of diffs and of accepted reports.

@@ -59,6 +59,7 @@ pub(super) fn recording(mut rows: Rows) -> Result<Recording, RecordingError> {
     for part in parts(&mut rows) {
         let Part { name, rows: of_part, mut run } = part;
         let index = Index { rows: of_part, places: &rows.places };
+        plausible_times(&rows.file, &run, &index)?;
         let keep = drop_untimed(&rows.file, &mut run, &index, &mut noticed)?;
         let index = index.kept(keep);
         for (piece, (mut run, index)) in restarts(run, index, &mut noticed).into_iter().enumerate() {
@@ -106,6 +107,24 @@ impl Noticed {
         if let Some((low, median, high)) = self.step_range_s {
             notes.push(format!("the time step varies: {low:.6}..{high:.6} s, median {median:.6} s"));
         }
+    }
+}
+
+/// Latest time that is taken for one [s]: 300,000 years, far above any clock in seconds; one in nanoseconds needs a `--map`.
+const LATEST_S: f64 = 1e13;
+
+/// Refuses a time that no clock shows, before anything is made as long as it says.
+fn plausible_times(file: &str, run: &Run, index: &Index) -> Result<(), RecordingError> {
+    match run.time_s.iter().position(|t| t.abs() > LATEST_S) {
+        None => Ok(()),
+        Some(sample) => Err(RecordingError::Row {
+            file: file.into(),
+            place: index.place(sample),
+            what: format!(
+                "time_s is {:e} s; at most {LATEST_S:e} s are allowed (a clock in another unit: --map time_s=\"NAME [ns]\")",
+                run.time_s[sample]
+            ),
+        }),
     }
 }
 

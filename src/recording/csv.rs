@@ -131,9 +131,17 @@ pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str,
         let line = &lines.buffer;
         split(line, separator, &mut cells);
         let row = rows.time_s.len();
+        if (row as u64 + 1) * sources.len() as u64 > super::MOST_VALUES {
+            let most = super::MOST_VALUES;
+            return Err(row_error(
+                file,
+                lines.number,
+                format!("more than {most} values of {} channels; at most so many are read", sources.len()),
+            ));
+        }
         if row == 1 {
             // One row is enough to guess the rest from, so that columns do not grow by doubling.
-            let guess = (size / (line.len() as u64 + 1)) as usize + (1 << 10);
+            let guess = (size / (line.len() as u64 + 1)).min(super::MOST_VALUES / sources.len().max(1) as u64) as usize + (1 << 10);
             let reserve = |values: &mut Vec<f64>| drop(values.try_reserve_exact(guess));
             reserve(&mut rows.time_s);
             rows.channels.iter_mut().flatten().for_each(reserve);

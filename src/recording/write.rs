@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::table::{Column, Values};
 use super::{Channel, Recording, RecordingError, Run};
-use crate::output::{WriteError, whole_file};
+use crate::output::{WriteError, inert, whole_file};
 
 /// Writes a file that is whole under its name, or not there ([`whole_file`]).
 ///
@@ -100,7 +100,7 @@ impl Recording {
 
 /// A cell of text; in quotes where it holds what would end it.
 fn quoted(text: &str) -> String {
-    let text = text.replace(['\n', '\r'], " ");
+    let text = inert(text).replace(['\n', '\r'], " ");
     if text.contains([',', '"', '#', ';', '\t']) || text.trim() != text { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::record::{LimitRecord, Measurement, Outcome, PhaseRecord, TestRecord};
+use crate::record::{LimitRecord, Measurement, Origin, Outcome, PhaseRecord, TestRecord};
 use crate::units::Unit;
 
 /// The outcome as it stands in the record: `PASS`, `NOT_RUN`.
@@ -108,10 +108,26 @@ pub fn tally(record: &TestRecord) -> String {
     if texts.is_empty() { "no measurement has a limit".into() } else { texts.join(", ") }
 }
 
-/// Simulated records say so wherever their verdict is shown.
+/// Simulated and emulated records say so wherever their verdict is shown.
 pub fn simulation_mark(record: &TestRecord) -> Option<&'static str> {
-    record.simulated.then_some("SIMULATION - the pressures come from a model, not from a valve")
+    match record.origin() {
+        Origin::Simulated => Some("SIMULATION - the pressures come from a model, not from a valve"),
+        Origin::Emulated => Some("EMULATED - an emulator stands for driver and valve: this says nothing of a real one"),
+        Origin::Real => None,
+    }
 }
+
+/// One word for what a record came from, where it was no valve.
+pub fn origin_badge(origin: Origin) -> Option<&'static str> {
+    match origin {
+        Origin::Simulated => Some("SIMULATION"),
+        Origin::Emulated => Some("EMULATED"),
+        Origin::Real => None,
+    }
+}
+
+/// What stands above everything else where nobody saw the current go.
+pub const UNSAFE: &str = "SAFE STATE NOT CONFIRMED - REMOVE POWER";
 
 /// One figure of the stability of the loop.
 #[derive(Debug, Clone, PartialEq)]

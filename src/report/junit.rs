@@ -22,6 +22,16 @@ pub fn junit(record: &TestRecord) -> String {
     ] {
         suite.add_property(Property::new(name, value));
     }
+    if record.rig.emulated {
+        suite.add_property(Property::new("emulated", "true"));
+    }
+    if record.ended_unsafe() {
+        let evidence = record.safe_state.as_ref().map_or("", |s| s.evidence.as_str());
+        let mut case = TestCase::new("safe state", status(Outcome::Error, &format!("{}: {evidence}", format::UNSAFE), true));
+        case.set_classname(record.plan.name.as_str());
+        suite.add_property(Property::new("safe_state", "NOT CONFIRMED"));
+        suite.add_test_case(case);
+    }
     // What is said of the run as a whole; a missed limit is told by its own case.
     let broken = matches!(record.outcome, Outcome::Invalid | Outcome::Error | Outcome::Aborted);
     let whole = if broken { record.outcome } else { Outcome::Pass };

@@ -9,6 +9,9 @@ use crate::record::{Measurement, Outcome, TestRecord};
 pub fn markdown(record: &TestRecord) -> String {
     let mut out = String::new();
     let _ = writeln!(out, "# {} on {}: {}\n", escape(&record.plan.name), escape(&record.dut.serial), bold(record.outcome));
+    if record.ended_unsafe() {
+        let _ = writeln!(out, "# \u{26a0} {}\n", format::UNSAFE);
+    }
     if let Some(mark) = format::simulation_mark(record) {
         let _ = writeln!(out, "> **{mark}.**\n");
     }

@@ -39,7 +39,7 @@ pub(super) fn record() -> TestRecord {
             overridden: vec!["peak".into()],
         },
         dut: Dut { serial: "by-hand".into(), lot: Some("A<7>".into()), ..Dut::default() },
-        rig: RigIdentity { kind: "sim".into(), name: "by-hand.toml".into(), sha256: "00ff".repeat(16), details: vec![] },
+        rig: RigIdentity { kind: "sim".into(), name: "by-hand.toml".into(), sha256: "00ff".repeat(16), ..RigIdentity::default() },
         simulated: true,
         seed: 7,
         outcome: Outcome::Fail,

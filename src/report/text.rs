@@ -48,8 +48,13 @@ fn heading(out: &mut String, record: &TestRecord) {
     let title: String = title.chars().take(width).collect();
     let _ = writeln!(out, "{title:<width$} {verdict}");
     rule(out, '=');
+    if record.ended_unsafe() {
+        rule(out, '#');
+        let _ = writeln!(out, "###   {}   ###", format::UNSAFE);
+        rule(out, '#');
+    }
     if let Some(mark) = format::simulation_mark(record) {
-        let _ = writeln!(out, "{mark}");
+        wrapped(out, "", mark);
     }
     for reason in &record.reasons {
         wrapped(out, "because    ", reason);

@@ -8,15 +8,13 @@ use std::time::{Duration, Instant};
 
 use super::SafeState;
 use super::realtime::{Privileges, prepare};
+use super::signals::{Caught, SIGNALS};
 
 /// Priority of the loop's thread.
 const PRIORITY: u8 = 50;
 /// A loop that has not stepped for so long after it was asked to stop is given up.
-const GIVE_UP: Duration = Duration::from_secs(6);
-
-/// The signals that end a run, in the order of their numbers here.
-const SIGNALS: [(&str, i32); 3] =
-    [("SIGINT", signal_hook::consts::SIGINT), ("SIGTERM", signal_hook::consts::SIGTERM), ("SIGHUP", signal_hook::consts::SIGHUP)];
+/// The safe state may take 5 s, the silence for the watchdog 0.65 s, and a last look 0.5 s.
+const GIVE_UP: Duration = Duration::from_secs(8);
 
 /// What loop and supervisor share. All of it can be touched from the loop without waiting.
 #[derive(Debug, Default)]
@@ -25,6 +23,7 @@ pub struct LoopControl {
     /// Index of the signal that asked for it.
     signal: AtomicU8,
     heartbeat: AtomicU64,
+    energised: AtomicBool,
     safe: Mutex<Option<SafeState>>,
 }
 
@@ -57,14 +56,26 @@ impl LoopControl {
         SIGNALS.get(usize::from(self.signal.load(Ordering::Relaxed))).filter(|_| asked).map(|s| s.0)
     }
 
+    /// A set-point is about to be written: what was known of the safe state holds no more.
+    pub fn energised(&self) {
+        self.energised.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether a set-point was written after which no safe state was confirmed.
+    pub fn left_energised(&self) -> bool {
+        self.energised.load(Ordering::Relaxed)
+    }
+
     /// Keeps the outcome of the latest attempt to reach the safe state.
     pub fn note_safe(&self, state: &SafeState) {
         *self.safe.lock().unwrap_or_else(PoisonError::into_inner) = Some(state.clone());
+        self.energised.store(!state.confirmed, Ordering::Relaxed);
     }
 
-    /// The outcome of the latest attempt to reach the safe state.
+    /// The outcome of the latest attempt to reach the safe state; `None` where none was made since the last set-point.
     pub fn safe_state(&self) -> Option<SafeState> {
-        self.safe.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let state = self.safe.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        state.filter(|s| !(s.confirmed && self.left_energised()))
     }
 }
 
@@ -110,9 +121,7 @@ pub fn run<T: Send + 'static>(
     body: impl FnOnce(Privileges) -> T + Send + 'static,
     mut watch: impl FnMut(),
 ) -> Result<T, LoopError> {
-    let flags: Vec<Arc<AtomicBool>> = SIGNALS.iter().map(|_| Arc::default()).collect();
-    let registered: Vec<_> =
-        SIGNALS.iter().zip(&flags).filter_map(|(s, flag)| signal_hook::flag::register(s.1, Arc::clone(flag)).ok()).collect();
+    let caught = Caught::register();
     let (send, receive) = mpsc::sync_channel(1);
     let thread = std::thread::Builder::new().name("loop".into()).spawn(move || {
         let privileges = prepare(PRIORITY);
@@ -120,6 +129,8 @@ pub fn run<T: Send + 'static>(
         let _ = send.send(result);
     });
     let thread = thread.map_err(|e| LoopError::Start(e.to_string()))?;
+    // Also where this thread panics: the loop ends before the process does.
+    let mut loop_thread = Joined { control, thread: Some(thread) };
     let mut asked: Option<Instant> = None;
     let result = loop {
         match receive.recv_timeout(Duration::from_millis(20)) {
@@ -128,20 +139,19 @@ pub fn run<T: Send + 'static>(
             Err(mpsc::RecvTimeoutError::Timeout) => {}
         }
         watch();
-        if let Some((signal, _)) = SIGNALS.iter().zip(&flags).find(|(_, f)| f.load(Ordering::Relaxed)) {
+        if let Some(signal) = caught.first() {
             if asked.is_none() {
-                control.request_stop(signal.0);
+                control.request_stop(signal);
             }
             asked.get_or_insert_with(Instant::now);
         }
         if asked.is_some_and(|t| t.elapsed() > GIVE_UP) {
+            loop_thread.thread = None;
             return Err(LoopError::Hung);
         }
     };
-    for id in registered {
-        signal_hook::low_level::unregister(id);
-    }
-    let _ = thread.join();
+    drop(caught);
+    drop(loop_thread);
     match result {
         Some(Ok(value)) => Ok(value),
         Some(Err(panic)) => {
@@ -149,6 +159,28 @@ pub fn run<T: Send + 'static>(
             Err(LoopError::Panicked { message: text.unwrap_or_else(|| "without a message".into()), safe: control.safe_state() })
         }
         None => Err(LoopError::Hung),
+    }
+}
+
+/// The loop's thread; whoever lets go of it asks it to stop and waits for that.
+struct Joined<'a> {
+    control: &'a Arc<LoopControl>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Drop for Joined<'_> {
+    fn drop(&mut self) {
+        let Some(thread) = self.thread.take() else { return };
+        if !thread.is_finished() {
+            self.control.stop.store(true, Ordering::Relaxed);
+        }
+        let began = Instant::now();
+        while !thread.is_finished() && began.elapsed() < GIVE_UP {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        if thread.is_finished() {
+            let _ = thread.join();
+        }
     }
 }
 
@@ -163,7 +195,7 @@ mod tests {
         let result: Result<(), _> = run(
             &control,
             move |_| {
-                inside.note_safe(&SafeState { confirmed: true, evidence: "0 A".into() });
+                inside.note_safe(&SafeState::of(true, "0 A"));
                 panic!("on purpose")
             },
             || (),
@@ -171,6 +203,31 @@ mod tests {
         let error = result.unwrap_err();
         assert!(error.is_safe());
         assert_eq!(error.to_string(), "the loop panicked: on purpose; safe state confirmed: 0 A");
+    }
+
+    #[test]
+    fn a_panic_of_the_supervisor_waits_for_the_loop() {
+        let control = Arc::new(LoopControl::default());
+        let inside = Arc::clone(&control);
+        let body = move |_| {
+            inside.energised();
+            while inside.stop_requested().is_none() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+            inside.note_safe(&SafeState::of(true, "0 A"));
+        };
+        let caught = catch_unwind(AssertUnwindSafe(|| run(&control, body, || panic!("on purpose"))));
+        assert!(caught.is_err() && !control.left_energised(), "the process must not end before the loop has");
+    }
+
+    #[test]
+    fn what_was_confirmed_before_a_set_point_is_not_what_is_known_after_it() {
+        let control = LoopControl::default();
+        control.note_safe(&SafeState::of(true, "0 A"));
+        assert!(control.safe_state().is_some_and(|s| s.confirmed));
+        control.energised();
+        assert_eq!((control.safe_state(), control.left_energised()), (None, true));
     }
 
     #[test]

@@ -10,6 +10,7 @@ pub mod modbus;
 pub mod profile;
 pub mod realtime;
 pub mod replay;
+pub mod signals;
 pub mod simulated;
 pub mod wire;
 
@@ -53,6 +54,9 @@ pub struct RigIdentity {
     pub name: String,
     /// SHA-256 of that file's bytes, hex.
     pub sha256: String,
+    /// Whether an emulator stands for driver and valve; such a record never enters statistics of real valves.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub emulated: bool,
     /// Further facts, in the order in which they are printed (real-time priority granted, memory locked, ...).
     pub details: Vec<(String, String)>,
 }
@@ -81,12 +85,30 @@ pub struct Sample {
 }
 
 /// The outcome of an attempt to reach the safe state.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct SafeState {
     /// Whether the measured current (or what the profile names) confirmed it within its budget.
     pub confirmed: bool,
     /// What was written and read back, for the report.
     pub evidence: String,
+    /// Latest fresh reading of the current [A], where the rig measures it.
+    pub current_a: Option<f64>,
+    /// Time from the first write to the confirmation, or until it was given up [s].
+    pub within_s: Option<f64>,
+    /// What was found wrong at the end beside the safe state: a watchdog that forgot its time.
+    pub fault: Option<String>,
+}
+
+impl SafeState {
+    /// Confirmed, or not, by `evidence` alone.
+    pub fn of(confirmed: bool, evidence: impl Into<String>) -> Self {
+        Self { confirmed, evidence: evidence.into(), ..Self::default() }
+    }
+}
+
+/// Whether an interlock trips on a value: above its limit, or no number, which shows nothing of what it should guard.
+pub fn exceeds(value: f64, most: f64) -> bool {
+    value.is_nan() || value > most
 }
 
 /// A bench: one coil current out, one pressure in.

@@ -45,7 +45,7 @@ impl Rig for ReplayRig {
     }
 
     fn make_safe(&mut self) -> Result<SafeState, RigError> {
-        Ok(SafeState { confirmed: true, evidence: "a recording: nothing to make safe".into() })
+        Ok(SafeState::of(true, "a recording: nothing to make safe"))
     }
 }
 

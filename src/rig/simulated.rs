@@ -55,6 +55,6 @@ impl Rig for SimulatedRig {
 
     fn make_safe(&mut self) -> Result<SafeState, RigError> {
         self.plant.step(self.rest_a);
-        Ok(SafeState { confirmed: true, evidence: format!("simulated: current {:.4} A", self.rest_a) })
+        Ok(SafeState::of(true, format!("simulated: current {:.4} A", self.rest_a)))
     }
 }

@@ -1,6 +1,6 @@
 //! The rig behind a guard that makes it safe on every way out, a panic included.
 
-use crate::rig::{Rig, RigError, Sample};
+use crate::rig::{Rig, RigError, SafeState, Sample};
 
 /// Holds the rig while a plan runs.
 pub struct Guard<'a> {
@@ -19,13 +19,10 @@ impl<'a> Guard<'a> {
         self.rig.step(command_a, until_s)
     }
 
-    /// Makes the rig safe and reads that back; evidence of what was seen.
-    pub fn make_safe(&mut self) -> (bool, String) {
+    /// Makes the rig safe and reads that back; what was seen.
+    pub fn make_safe(&mut self) -> SafeState {
         self.safe = true;
-        match self.rig.make_safe() {
-            Ok(state) => (state.confirmed, state.evidence),
-            Err(error) => (false, error.to_string()),
-        }
+        self.rig.make_safe().unwrap_or_else(|error| SafeState::of(false, error.to_string()))
     }
 }
 

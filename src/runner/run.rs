@@ -9,8 +9,8 @@ use super::measure::{Columns, measured, not_measured};
 use super::{Observer, Prepared, Progress};
 use crate::control::Controller;
 use crate::plan::{Interlocks, OnFail, Phase, Plan, Preconditions, Role};
-use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, SafeStateRecord, TestRecord, Trace};
-use crate::rig::{Quality, Rig, RigIdentity, Sample};
+use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, TestRecord, Trace};
+use crate::rig::{Quality, Rig, RigIdentity, Sample, exceeds};
 use crate::valve::Valve;
 
 /// What a run needs beside plan and rig.
@@ -76,7 +76,7 @@ pub fn run(plan: &Plan, rig: &mut dyn Rig, options: &RunOptions<'_>, observer: &
         records.push(record);
         ran.push(Some(samples));
     }
-    let (confirmed, evidence) = bench.guard.make_safe();
+    let safe = bench.guard.make_safe();
     let Bench { trace, missed_slots, invalid, .. } = bench;
     let columns = Columns::new(plan, options.model, &trace);
     for ((phase, record), samples) in plan.phases.iter().zip(&mut records).zip(&ran) {
@@ -92,9 +92,14 @@ pub fn run(plan: &Plan, rig: &mut dyn Rig, options: &RunOptions<'_>, observer: &
         outcome = Outcome::Invalid;
     }
     reasons.extend(broken);
-    if !confirmed {
+    if let Some(fault) = &safe.fault {
         outcome = Outcome::Error;
-        reasons.push(format!("SAFE STATE NOT CONFIRMED: {evidence}"));
+        reasons.push(fault.clone());
+    }
+    if !safe.confirmed {
+        // Before anything else that can be said of this run; neither an abort nor a verdict may stand over it.
+        outcome = Outcome::Error;
+        reasons.insert(0, format!("SAFE STATE NOT CONFIRMED: {}", safe.evidence));
     }
     let own;
     let prepared = match options.prepared {
@@ -122,7 +127,7 @@ pub fn run(plan: &Plan, rig: &mut dyn Rig, options: &RunOptions<'_>, observer: &
         timing,
         stability: prepared.stability.clone(),
         model: prepared.model.clone(),
-        safe_state: (!simulated).then_some(SafeStateRecord { confirmed, evidence }),
+        safe_state: (!simulated).then(|| safe.into()),
         provenance: None,
     };
     (record, trace)
@@ -289,7 +294,7 @@ impl<'a> Bench<'a> {
             Err(Ended { outcome: Outcome::Error, reason })
         };
         if let (Some(current), Some(most)) = (sample.current_a, limits.max_current_a)
-            && current > most
+            && exceeds(current.abs(), most)
         {
             return trip("measured current", current, most, "A");
         }
@@ -300,13 +305,13 @@ impl<'a> Bench<'a> {
         }
         let before = self.last_good.replace((sample.time_s, sample.pressure_bar));
         if let Some(most) = limits.max_pressure_bar
-            && sample.pressure_bar > most
+            && exceeds(sample.pressure_bar, most)
         {
             return trip("pressure", sample.pressure_bar, most, "bar");
         }
         if let (Some(most), Some((time, pressure))) = (limits.max_pressure_rate_bar_per_s, before) {
             let rate = ((sample.pressure_bar - pressure) / (sample.time_s - time)).abs();
-            if rate > most {
+            if exceeds(rate, most) {
                 return trip("rate of the pressure", rate, most, "bar/s");
             }
         }

@@ -77,7 +77,7 @@ impl<F: FnMut(usize, &mut Sample) -> Result<(), RigError>> Rig for Faulty<F> {
     }
     fn make_safe(&mut self) -> Result<SafeState, RigError> {
         self.made_safe += 1;
-        Ok(SafeState { confirmed: self.confirmed, evidence: "seen by the test".into() })
+        Ok(SafeState::of(self.confirmed, "seen by the test"))
     }
 }
 
@@ -253,4 +253,54 @@ fn preconditions_are_watched_on_a_bench() {
     insta::assert_snapshot!(with(None).reasons.join("\n"), @"precondition: the rig has no oil temperature, but the plan wants 35 to 45 degC");
     assert_eq!(with(None).outcome, Outcome::Invalid);
     assert_eq!(run_on(&wanting, &mut simulated(3), None).0.outcome, Outcome::Pass, "a simulation has no oil");
+}
+
+/// Each interlock of a plan ends the run, by magnitude, and where its value is no number; within its limit it does not.
+#[test]
+fn every_interlock_of_a_plan_trips_on_its_own_and_on_no_number() {
+    let with = |interlock: &str, change: fn(usize, &mut Sample)| {
+        let text = PLAN.replace("max_pressure = \"35 bar\"", interlock);
+        let mut rig = Faulty::new(move |k, s: &mut Sample| {
+            s.current_a = Some(0.3);
+            if k == 150 {
+                change(k, s);
+            }
+            Ok(())
+        });
+        let (record, trace) = run_on(&plan(&text), &mut rig, None);
+        assert_eq!(rig.made_safe, 1);
+        (record.outcome, record.reasons.join("; "), trace.time_s.len())
+    };
+    type Change = fn(usize, &mut Sample);
+    let trips: [(&str, Change, &str); 8] = [
+        ("max_current = \"0.6 A\"", |_, s| s.current_a = Some(0.61), "measured current"),
+        ("max_current = \"0.6 A\"", |_, s| s.current_a = Some(-0.61), "measured current"),
+        ("max_current = \"0.6 A\"", |_, s| s.current_a = Some(f64::NAN), "measured current"),
+        ("max_pressure = \"35 bar\"", |_, s| s.pressure_bar = 36.0, "pressure"),
+        ("max_pressure = \"35 bar\"", |_, s| s.pressure_bar = f64::NAN, "pressure"),
+        ("max_pressure_rate = \"2000 bar/s\"", |_, s| s.pressure_bar += 30.0, "rate of the pressure"),
+        ("max_pressure_rate = \"2000 bar/s\"", |_, s| s.pressure_bar -= 30.0, "rate of the pressure"),
+        ("max_pressure_rate = \"2000 bar/s\"", |_, s| s.pressure_bar = f64::NAN, "rate of the pressure"),
+    ];
+    for (interlock, change, what) in trips {
+        let (outcome, reasons, samples) = with(interlock, change);
+        assert_eq!(outcome, Outcome::Error, "{interlock}: {reasons}");
+        assert!(reasons.contains(&format!("interlock: {what}")) && samples == 151, "{interlock}: {reasons}, {samples}");
+    }
+    for interlock in ["max_current = \"0.6 A\"", "max_pressure_rate = \"2000 bar/s\""] {
+        assert_eq!(with(interlock, |_, s| s.current_a = Some(0.59)).0, Outcome::Pass, "{interlock}");
+    }
+}
+
+/// What is said of the safe state stands above a stop, a failed limit and a verdict.
+#[test]
+fn an_unconfirmed_safe_state_is_the_first_reason_whatever_ended_the_run() {
+    let stop = AtomicBool::new(true);
+    for stopped in [None, Some(&stop)] {
+        let mut rig = Faulty::new(|_, _: &mut Sample| Ok(()));
+        rig.confirmed = false;
+        let record = run_on(&plan(PLAN), &mut rig, stopped).0;
+        assert_eq!((record.outcome, record.ended_unsafe()), (Outcome::Error, true));
+        assert!(record.reasons[0].starts_with("SAFE STATE NOT CONFIRMED"), "{:?}", record.reasons);
+    }
 }

@@ -23,7 +23,7 @@ pub fn endpoint(emulator: &Emulator) -> Endpoint {
 pub fn listen(profile: &Profile) -> Listen {
     use hil::rig::profile::TransportKind;
     match profile.transport.kind {
-        TransportKind::Tcp | TransportKind::RtuOverTcp => Listen::Tcp("127.0.0.1:0".parse().unwrap()),
+        TransportKind::Tcp | TransportKind::TcpGateway | TransportKind::RtuOverTcp => Listen::Tcp("127.0.0.1:0".parse().unwrap()),
         _ => Listen::Pty(None),
     }
 }

@@ -3,7 +3,8 @@
 use std::io::{self, Write};
 
 use crate::batch::tally::Tally;
-use crate::record::Outcome;
+use crate::output::inert;
+use crate::record::{Origin, Outcome};
 use crate::report::format;
 
 /// Writes one row per attempt and metric; a value that does not exist is an empty field.
@@ -28,33 +29,37 @@ pub fn csv(tally: &Tally, out: &mut dyn Write) -> io::Result<()> {
         "min",
         "max",
         "verdict",
+        "emulated",
     ])?;
     let number = |v: Option<f64>| v.filter(|v| v.is_finite()).map_or_else(String::new, |v| v.to_string());
     let bounds: Vec<(String, String)> =
         tally.metrics().iter().map(|m| m.limit.as_ref().map_or_else(Default::default, |l| (number(l.min), number(l.max)))).collect();
     for a in tally.attempts() {
         let (position, attempt) = (a.position.to_string(), a.number.to_string());
-        let simulated = if a.simulated { "true" } else { "false" };
+        let simulated = if a.origin == Origin::Simulated { "true" } else { "false" };
+        let emulated = if a.origin == Origin::Emulated { "true" } else { "false" };
+        let text = |text: &str| inert(text).into_owned();
         for ((m, (value, verdict)), (min, max)) in tally.metrics().iter().zip(&a.values).zip(&bounds) {
             if value.is_nan() && *verdict == Outcome::NotRun {
                 continue;
             }
             writer.write_record([
                 position.as_str(),
-                &a.dut.serial,
-                a.dut.part_number.as_deref().unwrap_or(""),
-                a.dut.revision.as_deref().unwrap_or(""),
-                a.dut.lot.as_deref().unwrap_or(""),
+                &text(&a.dut.serial),
+                &text(a.dut.part_number.as_deref().unwrap_or("")),
+                &text(a.dut.revision.as_deref().unwrap_or("")),
+                &text(a.dut.lot.as_deref().unwrap_or("")),
                 &attempt,
                 format::outcome(a.outcome),
                 simulated,
-                &m.phase,
-                &m.metric,
+                &text(&m.phase),
+                &text(&m.metric),
                 &number(Some(*value)),
                 &m.unit,
                 min,
                 max,
                 format::outcome(*verdict),
+                emulated,
             ])?;
         }
     }

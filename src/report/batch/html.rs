@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::{figures, limited, overridden, simulation_mark, tables};
+use super::{figures, limited, not_pooled, overridden, simulation_mark, tables, unsafe_mark};
 use crate::batch::summary::BatchSummary;
 use crate::report::badge;
 use crate::report::format;
@@ -92,14 +92,16 @@ fn heading(summary: &BatchSummary, id: &str) -> Markup {
                 .sub { "rig " (summary.batch.rig.kind) " " b { (summary.batch.rig.name) } ", report " code { (id) } }
             }
             .badges {
-                @if summary.batch.simulated { span.badge.big.sim { "SIMULATION" } }
+                @if let Some(word) = format::origin_badge(summary.origin) { span.badge.big.sim { (word) } }
                 (badge(format::outcome(summary.outcome), true))
             }
         }
+        @if let Some(mark) = unsafe_mark(summary) { .alarm role="alert" { (mark) } }
         @if let Some(mark) = simulation_mark(summary) { .notice { (mark) "." } }
+        @if let Some(text) = not_pooled(summary) { .notice { (text) "." } }
         @if let Some(text) = overridden(summary) { .notice.bad { "Careful: " (text) "." } }
         @if summary.not_tested > 0 { .notice.bad { (summary.not_tested) " valve(s) of the batch have not been tested yet." } }
-        @for d in &summary.damage { .notice.bad { "A " (d.what) " line in " code { (d.segment) } " at byte " (d.offset) " is not counted." } }
+        @for d in &summary.damage { .notice.bad { "Journal: " (d.text()) "." } }
     }
 }
 

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 use crate::batch::summary::BatchSummary;
 use crate::batch::tally::{Attempt, Tally, deciding};
-use crate::record::Outcome;
+use crate::record::{Origin, Outcome};
 use crate::report::format;
 
 /// Writes the deciding attempt of every valve: a case for the valve, and one for every measurement that has a limit.
@@ -33,6 +33,12 @@ pub fn junit(summary: &BatchSummary, tally: &Tally, out: &mut dyn Write) -> io::
     writeln!(out, "    <properties>")?;
     for (key, value) in [("simulated", summary.batch.simulated.to_string()), ("plan.sha256", summary.batch.plan_sha256.clone())] {
         writeln!(out, "      <property name=\"{key}\" value=\"{}\"/>", escape(&value))?;
+    }
+    for serial in &summary.safe_state_not_confirmed {
+        writeln!(out, "      <property name=\"safe_state\" value=\"NOT CONFIRMED: {}\"/>", escape(serial))?;
+    }
+    if summary.origin == Origin::Emulated {
+        writeln!(out, "      <property name=\"emulated\" value=\"true\"/>")?;
     }
     writeln!(out, "    </properties>")?;
     for valve in tally.valves() {

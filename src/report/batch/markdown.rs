@@ -2,15 +2,22 @@
 
 use std::fmt::Write as _;
 
-use super::{index, limited, remarks, share, simulation_mark, tolerance};
+use super::{index, limited, not_pooled, remarks, share, simulation_mark, tolerance, unsafe_mark};
 use crate::batch::summary::BatchSummary;
 use crate::report::format;
+use crate::report::markdown::escape;
 
 /// The batch as Markdown.
 pub fn markdown(summary: &BatchSummary) -> String {
     let mut out = String::new();
     let b = &summary.batch;
     let _ = writeln!(out, "# Batch of {} on {}: {}\n", summary.valves.len(), b.plan, format::outcome(summary.outcome));
+    if let Some(mark) = unsafe_mark(summary) {
+        let _ = writeln!(out, "# \u{26a0} {}\n", escape(&mark));
+    }
+    if let Some(text) = not_pooled(summary) {
+        let _ = writeln!(out, "> {}\n", escape(&text));
+    }
     if let Some(mark) = simulation_mark(summary) {
         let _ = writeln!(out, "> {mark}\n");
     }

@@ -20,6 +20,7 @@ pub use text::text;
 
 use crate::batch::statistics::{Finding, Index, Interval, MetricStatistics, Proportion, Tolerance};
 use crate::batch::summary::BatchSummary;
+use crate::record::Origin;
 
 use super::format;
 
@@ -64,9 +65,25 @@ fn limited(summary: &BatchSummary) -> impl Iterator<Item = (usize, &MetricStatis
     summary.metrics.iter().enumerate().filter(|(_, m)| m.tolerance.min.is_some() || m.tolerance.max.is_some())
 }
 
-/// What marks a simulated batch wherever its verdict is shown.
+/// What marks a simulated or emulated batch wherever its verdict is shown.
 fn simulation_mark(summary: &BatchSummary) -> Option<&'static str> {
-    summary.batch.simulated.then_some("SIMULATION - the pressures come from a model; these figures say nothing of real valves")
+    match summary.origin {
+        _ if summary.batch.simulated => Some("SIMULATION - the pressures come from a model; these figures say nothing of real valves"),
+        Origin::Emulated => Some("EMULATED - an emulator stands for driver and valves; these figures say nothing of real ones"),
+        _ => None,
+    }
+}
+
+/// Valves of another origin than the batch, which are in none of its figures.
+fn not_pooled(summary: &BatchSummary) -> Option<String> {
+    let valves = &summary.not_pooled;
+    (!valves.is_empty()).then(|| format!("EMULATED, and in no figure of this batch: {}", valves.join(", ")))
+}
+
+/// What stands above everything else where nobody saw a current go.
+fn unsafe_mark(summary: &BatchSummary) -> Option<String> {
+    let valves = &summary.safe_state_not_confirmed;
+    (!valves.is_empty()).then(|| format!("{} (valve {})", crate::report::format::UNSAFE, valves.join(", ")))
 }
 
 /// What was changed by hand, so that nobody takes the batch for one of the plan as released.

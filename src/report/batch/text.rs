@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{absent, index, limited, overridden, remarks, share, simulation_mark, tolerance};
+use super::{absent, index, limited, not_pooled, overridden, remarks, share, simulation_mark, tolerance, unsafe_mark};
 use crate::batch::summary::BatchSummary;
 use crate::report::{COLUMNS, fold, format};
 
@@ -17,8 +17,16 @@ pub fn text(summary: &BatchSummary) -> String {
     let width = COLUMNS - verdict.len() - 1;
     let _ = writeln!(out, "{:<width$} {verdict}", title.chars().take(width).collect::<String>());
     rule(&mut out, '=');
+    if let Some(mark) = unsafe_mark(summary) {
+        rule(&mut out, '#');
+        wrapped(&mut out, "###   ", &mark);
+        rule(&mut out, '#');
+    }
     if let Some(mark) = simulation_mark(summary) {
         wrapped(&mut out, "", mark);
+    }
+    if let Some(text) = not_pooled(summary) {
+        wrapped(&mut out, "not pooled   ", &text);
     }
     wrapped(&mut out, "plan         ", &format!("{} (sha256 {})", summary.batch.plan, short(&summary.batch.plan_sha256)));
     wrapped(&mut out, "rig          ", &format!("{} {}", summary.batch.rig.kind, summary.batch.rig.name));
@@ -34,7 +42,7 @@ pub fn text(summary: &BatchSummary) -> String {
     wrapped(&mut out, "first pass   ", &share(&summary.first_pass));
     wrapped(&mut out, "final yield  ", &share(&summary.final_yield));
     for d in &summary.damage {
-        wrapped(&mut out, "journal      ", &format!("{} line in {} at byte {}: not counted", d.what, d.segment, d.offset));
+        wrapped(&mut out, "journal      ", &d.text());
     }
     out.push('\n');
     let _ = writeln!(out, "{:<31} {:>9} {:>9}  {:<27}", "metric with a limit", "mean", "deviation", "Ppk (95 % interval)");

@@ -19,8 +19,8 @@ pub fn compare(name: &str, before: Option<&TestRecord>, after: Option<&TestRecor
     };
     let (Some(before), Some(after)) = (before, after) else { return diff };
     diff.notes = notes(before, after);
-    if before.simulated != after.simulated {
-        let name = |r: &TestRecord| if r.simulated { "simulation" } else { "real valve" }.to_string();
+    if before.origin() != after.origin() {
+        let name = |r: &TestRecord| format::origin_badge(r.origin()).map_or("real valve".to_string(), str::to_lowercase);
         diff.changes.push(change("run", "kind of run", true, name(before), name(after)));
     }
     for (a, b) in paired(&before.phases, &after.phases, |p| p.name.clone()) {

@@ -46,16 +46,14 @@ fn heading(record: &TestRecord) -> Markup {
                 .sub { "valve " b { (record.dut.serial) } " on rig " (record.rig.kind) " " b { (record.rig.name) } ", " (format::tally(record)) }
             }
             .badges {
-                @if record.simulated { span.badge.big.sim { "SIMULATION" } }
+                @if let Some(word) = format::origin_badge(record.origin()) { span.badge.big.sim { (word) } }
                 (badge(format::outcome(record.outcome), true))
             }
         }
+        @if record.ended_unsafe() { .alarm role="alert" { (format::UNSAFE) } }
         @if let Some(mark) = format::simulation_mark(record) { .notice { (mark) "." } }
         @if !record.reasons.is_empty() {
             .notice.bad { @for reason in &record.reasons { p { (reason) } } }
-        }
-        @if record.safe_state.as_ref().is_some_and(|s| !s.confirmed) {
-            .notice.bad { "The safe state was not confirmed by a measurement." }
         }
     }
 }

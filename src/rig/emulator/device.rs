@@ -5,6 +5,11 @@ use std::sync::Arc;
 
 use crate::rig::profile::{Profile, RegisterValue, Signal, SignalName, Table, WatchdogKind};
 
+/// Where every emulated device says of itself what it is, whatever device it stands for.
+pub const SIGNATURE_ADDRESS: u16 = 0xFE00;
+/// What stands there: "HIL EMULATOR" in ASCII.
+pub const SIGNATURE: [u16; 6] = [0x4849, 0x4C20, 0x454D, 0x554C, 0x4154, 0x4F52];
+
 /// What the coil acts on.
 pub enum Load {
     /// A valve: pressure [bar] one step after a current [A] was applied, and the step [s].
@@ -99,6 +104,10 @@ impl Device {
                     registers.entry((t.unit_id, table, word)).or_insert(0);
                 }
             }
+        }
+        let units: std::collections::BTreeSet<u8> = registers.keys().map(|k: &(u8, Table, u16)| k.0).collect();
+        for (unit, (address, word)) in units.into_iter().flat_map(|u| (SIGNATURE_ADDRESS..).zip(SIGNATURE).map(move |w| (u, w))) {
+            registers.entry((unit, Table::Holding, address)).or_insert(word);
         }
         let enabled = profile.signal(SignalName::Control).is_none();
         let armed = profile.watchdog.kind == WatchdogKind::Fixed;

@@ -16,7 +16,7 @@ mod frames;
 mod link;
 mod serve;
 
-pub use device::{Defects, Device, DeviceReport, Load};
+pub use device::{Defects, Device, DeviceReport, Load, SIGNATURE, SIGNATURE_ADDRESS};
 pub use faults::{Fault, FaultScript, Faults, Kind, Random, Scheduled};
 pub use frames::{Parsed, Request, parse_rtu, parse_tcp, rtu, tcp};
 
@@ -80,7 +80,9 @@ impl Emulator {
         let wrong =
             |listen, instead| EmulatorError::Transport { profile: profile.name.clone(), kind: profile.transport.kind, listen, instead };
         match (listen, profile.transport.kind) {
-            (Listen::Pty(_), TransportKind::Tcp | TransportKind::RtuOverTcp) => return Err(wrong("a pseudo terminal", "--tcp")),
+            (Listen::Pty(_), TransportKind::Tcp | TransportKind::TcpGateway | TransportKind::RtuOverTcp) => {
+                return Err(wrong("a pseudo terminal", "--tcp"));
+            }
             (Listen::Tcp(_), TransportKind::Rtu) => return Err(wrong("TCP", "--pty")),
             _ => {}
         }

@@ -37,6 +37,11 @@ impl Shared {
     }
 }
 
+/// Whether frames carry the header of Modbus TCP.
+fn has_ids(kind: TransportKind) -> bool {
+    matches!(kind, TransportKind::Tcp | TransportKind::TcpGateway)
+}
+
 /// What is written back for one request.
 struct Reply {
     frames: Vec<(f64, Vec<u8>)>,
@@ -70,7 +75,7 @@ pub fn serve(shared: &Shared, link: &mut dyn Link) -> std::io::Result<()> {
                         Some(end) => (line(shared, &buffer[..end], &mut previous, &mut arrived), end),
                     }
                 }
-                kind => match if kind == TransportKind::Tcp { frames::parse_tcp(&buffer) } else { frames::parse_rtu(&buffer) } {
+                kind => match if has_ids(kind) { frames::parse_tcp(&buffer) } else { frames::parse_rtu(&buffer) } {
                     Parsed::Incomplete => break,
                     Parsed::Garbage(n) => {
                         buffer.drain(..n.clamp(1, buffer.len()));
@@ -162,7 +167,7 @@ fn modbus(shared: &Shared, request: &Request, raw: &[u8], previous: &mut Vec<u8>
     let unit = if has(Kind::WrongUnit).is_some() { request.unit.wrapping_add(1) } else { request.unit };
     let wrong = has(Kind::WrongCrc).is_some();
     let frame = match shared.profile.transport.kind {
-        TransportKind::Tcp => frames::tcp(request.transaction, unit, &pdu, wrong),
+        kind if has_ids(kind) => frames::tcp(request.transaction, unit, &pdu, wrong),
         _ => frames::rtu(unit, &pdu, wrong),
     };
     finish(shared, raw, frame, previous, &faults)

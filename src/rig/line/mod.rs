@@ -114,23 +114,24 @@ impl Bus for LineBus {
         Err(Loss::Malformed("a line driver has no registers".into()))
     }
 
-    fn recover(&mut self, within_s: f64) {
+    fn recover(&mut self, within_s: f64) -> bool {
         if !self.broken {
-            return;
+            return false;
         }
-        self.broken = match &self.endpoint {
-            Endpoint::Serial(path) => !path.exists(),
+        match &self.endpoint {
+            Endpoint::Serial(path) => {
+                self.broken = !path.exists();
+                false
+            }
             Endpoint::Tcp(_) => {
                 let limit = Duration::from_secs_f64(within_s.max(1e-3));
-                match self.runtime.block_on(self.endpoint.open(&self.profile.transport, limit)) {
-                    Ok(stream) => {
-                        self.port.replace(stream);
-                        false
-                    }
-                    Err(_) => true,
-                }
+                let Ok(stream) = self.runtime.block_on(self.endpoint.open(&self.profile.transport, limit)) else { return false };
+                self.port.replace(stream);
+                self.port.purge();
+                self.broken = false;
+                true
             }
-        };
+        }
     }
 
     fn trace(&self) -> Vec<TracedFrame> {

@@ -11,10 +11,10 @@ use tokio_modbus::client::{Client, Context, rtu, tcp};
 use tokio_modbus::prelude::SlaveContext;
 use tokio_modbus::{Error, Request, Response, Slave};
 
+use super::RigError;
 use super::profile::{Block, Freshness, Profile, RegisterValue, SignalName, Table, Transaction, TransportKind};
 use super::realtime::Clock;
 use super::wire::{Bus, BusPort, Endpoint, Incoming, Loss, Outgoing, TracedFrame, low_latency};
-use super::{RigError, profile};
 
 /// Time for the first connection.
 const CONNECT: Duration = Duration::from_secs(3);
@@ -28,7 +28,19 @@ pub struct ModbusBus {
     profile: Profile,
     broken: bool,
     latency: Option<&'static str>,
+    /// Transactions on the present connection, and the id that the first of them had.
+    calls: u16,
+    first_id: u16,
+    /// Unit, address and registers of the last write that was answered, where the profile reads them back.
+    written: Option<(u8, u16, Vec<u16>)>,
 }
+
+mod renumbered;
+
+use renumbered::Renumbered;
+
+/// Ids of a new connection begin at the next multiple of this behind those of the last.
+const ID_STEP: u16 = 256;
 
 impl ModbusBus {
     /// Opens the line of a profile.
@@ -43,8 +55,19 @@ impl ModbusBus {
         };
         let stream = runtime.block_on(endpoint.open(t, CONNECT))?;
         let port = BusPort::new(stream, t.local_echo, clock);
-        let context = runtime.block_on(async { attach(t.kind, &port, t.unit) });
-        Ok(Self { runtime, port, context, endpoint: endpoint.clone(), profile: profile.clone(), broken: false, latency })
+        let context = runtime.block_on(async { attach(t.kind, &port, t.unit, 0) });
+        Ok(Self {
+            runtime,
+            port,
+            context,
+            endpoint: endpoint.clone(),
+            profile: profile.clone(),
+            broken: false,
+            latency,
+            calls: 0,
+            first_id: 0,
+            written: None,
+        })
     }
 
     /// One request with its reply, nothing compared yet.
@@ -52,9 +75,8 @@ impl ModbusBus {
         if self.broken {
             return Err(Loss::Transport("the connection is lost".into()));
         }
-        if self.profile.transport.kind != TransportKind::Tcp {
-            self.port.purge();
-        }
+        self.port.purge();
+        self.calls = self.calls.wrapping_add(1);
         self.context.set_slave(Slave(unit));
         let limit = Duration::from_secs_f64(timeout_s.max(0.0));
         let context = &mut self.context;
@@ -82,6 +104,15 @@ impl ModbusBus {
         loss
     }
 
+    /// Remembers what was written, where the profile shows that these registers can be read back.
+    fn note_written(&mut self, t: &Transaction, address: u16, written: Vec<u16>) {
+        let Some(block) = &t.write else { return };
+        let reads = |i: &usize| self.profile.cycle.transactions.iter().any(|t| t.read.as_ref().is_some_and(|b| b.signals.contains(i)));
+        if block.signals.iter().all(reads) {
+            self.written = Some((t.unit_id, address, written));
+        }
+    }
+
     fn words(&self, block: &Block, out: &Outgoing) -> Vec<u16> {
         let mut words = Vec::with_capacity(usize::from(block.words));
         for index in &block.signals {
@@ -104,9 +135,14 @@ impl ModbusBus {
     }
 }
 
-fn attach(kind: TransportKind, port: &BusPort, unit: u8) -> Context {
+/// Whether frames carry the header of Modbus TCP.
+fn has_ids(kind: TransportKind) -> bool {
+    matches!(kind, TransportKind::Tcp | TransportKind::TcpGateway)
+}
+
+fn attach(kind: TransportKind, port: &BusPort, unit: u8, first_id: u16) -> Context {
     match kind {
-        TransportKind::Tcp => tcp::attach_slave(port.clone(), Slave(unit)),
+        kind if has_ids(kind) => tcp::attach_slave(Renumbered::new(port.clone(), first_id), Slave(unit)),
         _ => rtu::attach_slave(port.clone(), Slave(unit)),
     }
 }
@@ -124,10 +160,14 @@ impl Bus for ModbusBus {
             16 => Request::WriteMultipleRegisters(write_address, Cow::Borrowed(&written)),
             _ => Request::ReadWriteMultipleRegisters(read_address, count, write_address, Cow::Borrowed(&written)),
         };
+        if !written.is_empty() {
+            self.written = None;
+        }
         let response = self.call(t.unit_id, request, timeout_s)?;
         let words = match response {
             Response::WriteSingleRegister(address, value) => {
                 if address == write_address && written.first() == Some(&value) {
+                    self.note_written(t, write_address, written);
                     return Ok(());
                 }
                 let what = format!("{value} in register {address} for {written:?} in {write_address}");
@@ -135,6 +175,7 @@ impl Bus for ModbusBus {
             }
             Response::WriteMultipleRegisters(address, n) => {
                 if address == write_address && usize::from(n) == written.len() {
+                    self.note_written(t, write_address, written);
                     return Ok(());
                 }
                 return Err(self.lost(Loss::Stale(format!("{n} registers from {address}"))));
@@ -153,7 +194,28 @@ impl Bus for ModbusBus {
         if t.freshness == Freshness::Echo && into.get(SignalName::Token).is_some_and(|token| token != f64::from(out.token)) {
             return Err(self.lost(Loss::Stale(format!("token {:?} for {}", into.get(SignalName::Token), out.token))));
         }
+        if t.write.is_some() {
+            self.note_written(t, write_address, written);
+        }
         Ok(())
+    }
+
+    fn holds_last_write(&mut self, timeout_s: f64) -> Result<Option<String>, Loss> {
+        let Some((unit, address, written)) = self.written.clone() else { return Ok(None) };
+        match self.call(unit, Request::ReadHoldingRegisters(address, written.len() as u16), timeout_s)? {
+            Response::ReadHoldingRegisters(found) if found == written => Ok(None),
+            Response::ReadHoldingRegisters(found) if found.len() == written.len() => {
+                Ok(Some(format!("the registers from {address} hold {found:?} where {written:?} was written last")))
+            }
+            other => Err(self.lost(Loss::Malformed(format!("{other:?}")))),
+        }
+    }
+
+    fn read_block(&mut self, address: u16, count: u16, timeout_s: f64) -> Result<Vec<u16>, Loss> {
+        match self.call(self.profile.transport.unit, Request::ReadHoldingRegisters(address, count), timeout_s)? {
+            Response::ReadHoldingRegisters(words) if words.len() == usize::from(count) => Ok(words),
+            other => Err(self.lost(Loss::Malformed(format!("{other:?}")))),
+        }
     }
 
     fn read_register(&mut self, r: &RegisterValue, timeout_s: f64) -> Result<u16, Loss> {
@@ -183,30 +245,30 @@ impl Bus for ModbusBus {
         }
     }
 
-    fn recover(&mut self, within_s: f64) {
+    fn recover(&mut self, within_s: f64) -> bool {
         if !self.broken {
-            return;
+            return false;
         }
         let t = &self.profile.transport;
-        let alive = match (&self.endpoint, t.kind) {
+        let reconnected = match &self.endpoint {
             // A serial port stays open: opening it again would move its control lines and lose its lock.
-            (Endpoint::Serial(path), _) => path.exists(),
-            (Endpoint::Tcp(_), _) => {
+            Endpoint::Serial(path) if path.exists() => false,
+            Endpoint::Serial(_) => return false,
+            Endpoint::Tcp(_) => {
                 let limit = Duration::from_secs_f64(within_s.max(1e-3));
-                match self.runtime.block_on(self.endpoint.open(t, limit)) {
-                    Ok(stream) => {
-                        self.port.replace(stream);
-                        true
-                    }
-                    Err(_) => false,
-                }
+                let Ok(stream) = self.runtime.block_on(self.endpoint.open(t, limit)) else { return false };
+                self.port.replace(stream);
+                self.port.purge();
+                true
             }
         };
-        if alive {
-            let (kind, port) = (t.kind, self.port.clone());
-            self.context = self.runtime.block_on(async { attach(kind, &port, self.profile.transport.unit) });
-            self.broken = false;
-        }
+        // The ids go on behind those of the last connection: an old reply that comes over the new one finds no request.
+        self.first_id = self.first_id.wrapping_add(self.calls.div_ceil(ID_STEP).max(1).wrapping_mul(ID_STEP));
+        self.calls = 0;
+        let (kind, port, first_id) = (t.kind, self.port.clone(), self.first_id);
+        self.context = self.runtime.block_on(async { attach(kind, &port, self.profile.transport.unit, first_id) });
+        self.broken = false;
+        reconnected
     }
 
     fn trace(&self) -> Vec<TracedFrame> {
@@ -216,7 +278,8 @@ impl Bus for ModbusBus {
     fn details(&self) -> Vec<(String, String)> {
         let t = &self.profile.transport;
         let line = match t.kind {
-            profile::TransportKind::Tcp => format!("Modbus TCP to {}", self.endpoint),
+            TransportKind::Tcp => format!("Modbus TCP to {}", self.endpoint),
+            TransportKind::TcpGateway => format!("Modbus TCP to the gateway {}", self.endpoint),
             _ => format!("Modbus RTU on {}, {} baud", self.endpoint, t.baud),
         };
         let mut details = vec![("line".to_string(), line)];

@@ -70,12 +70,16 @@ fn freshness(
 ) -> Result<(), ProfileError> {
     let fail = |message: String| Err(c.error("cycle.transaction.freshness", format!("transaction {}: {message}", index + 1)));
     let tcp = transport.kind == TransportKind::Tcp;
+    let gateway = transport.kind == TransportKind::TcpGateway;
     if (t.spare > 0) != (t.freshness == Freshness::Quantity) {
         return fail("`spare` registers and `freshness = \"quantity\"` belong together".into());
     }
     match t.freshness {
+        Freshness::TransactionId if gateway => fail(
+            "the transaction id is that of the gateway, which gives it back also with an old reply of the device; allowed here: echo, quantity, counter, none".into(),
+        ),
         Freshness::TransactionId if !tcp => fail("only Modbus TCP has a transaction id; allowed here: echo, quantity, none".into()),
-        Freshness::Counter if !tcp => fail(
+        Freshness::Counter if !tcp && !gateway => fail(
             "a late reply carries a counter that was never seen, so on this line a counter alone proves nothing; use echo or quantity, the counter is checked beside it".into(),
         ),
         Freshness::Counter if !reads(t, signals, SignalName::Counter) => fail("the block that is read has no `counter`".into()),

@@ -41,9 +41,17 @@ impl Profile {
     /// Time of `bytes` characters on the serial line [s]; 0 on TCP.
     pub fn characters_s(&self, bytes: usize) -> f64 {
         match self.transport.kind {
-            TransportKind::Tcp => 0.0,
+            // Of the line behind a gateway the baud rate may be unknown.
+            _ if self.transport.baud == 0 => 0.0,
             _ => bytes as f64 * f64::from(self.transport.bits_per_character) / f64::from(self.transport.baud),
         }
+    }
+
+    /// Silence between two frames on the serial line [s]; 0 on TCP and between lines of text.
+    pub fn frame_silence_s(&self) -> f64 {
+        let t = &self.transport;
+        let framed = t.baud > 0 && t.kind != TransportKind::Line;
+        if framed { silence_s(t.baud, t.bits_per_character) } else { 0.0 }
     }
 
     /// Time of one slot's frames on the wire.
@@ -52,7 +60,7 @@ impl Profile {
         let (mut total_s, mut lines) = (0.0, Vec::new());
         for (index, transaction) in self.cycle.transactions.iter().enumerate() {
             let what = if transaction.line.is_some() { "line".to_string() } else { format!("function {}", transaction.function) };
-            if t.kind == TransportKind::Tcp {
+            if t.baud == 0 {
                 total_s += t.turnaround_s;
                 lines.push(format!("  transaction {}: {what}, answer {:.2} ms", index + 1, t.turnaround_s * 1e3));
                 continue;
@@ -99,6 +107,18 @@ impl Profile {
                 period_s * 1e3,
                 LARGEST_SHARE * 100.0,
                 self.highest_rate_hz(),
+                budget.arithmetic
+            ));
+        }
+        // Once in half a second the registers of the watchdog are read behind the slot's own frames; the reply must be there
+        // before the next slot begins.
+        let check_s = self.characters_s(15) + self.frame_silence_s() + self.transport.turnaround_s;
+        if self.watchdog.protects() && !self.watchdog.check.is_empty() && budget.total_s + check_s > period_s {
+            return Err(format!(
+                "a loop of {rate:.1} Hz leaves no time to read the watchdog back: the slot's {:.2} ms and {:.2} ms for one register are more than its period of {:.2} ms:\n{}",
+                budget.total_s * 1e3,
+                check_s * 1e3,
+                period_s * 1e3,
                 budget.arithmetic
             ));
         }

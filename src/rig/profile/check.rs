@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use sha2::{Digest, Sha256};
 
 use super::blocks::transaction;
+use super::guards;
 use super::*;
 use crate::units::{CURRENT, PRESSURE, Unit};
 
@@ -59,16 +60,8 @@ pub(super) fn check(file: ProfileFile, text: &str, source_name: &str) -> Result<
     let limit = check_limit(&c, &file, &signals)?;
     let watchdog = check_watchdog(&c, &file, role)?;
     let safe_state = check_safe_state(&c, &file, &signals, &cycle, role)?;
-    let deviation = match (file.interlock.current_deviation, file.interlock.current_deviation_for) {
-        (None, None) => None,
-        (Some(by), Some(time)) if by.value() > 0.0 && time.value() > 0.0 && file.signal.current.is_some() => {
-            Some((by.value(), time.value()))
-        }
-        _ => {
-            let message = "needs `current_deviation_for` beside it, both above zero, and a measured `current`";
-            return Err(c.error("interlock.current_deviation", message));
-        }
-    };
+    let interlock = guards::interlock(&c, &file, &signals, &cycle)?;
+    guards::frozen(&c, &file, &signals)?;
     for (key, list) in [("start.identity", &file.start.identity), ("start.init", &file.start.init)] {
         check_registers(&c, &file.transport, key, list, key == "start.init")?;
     }
@@ -82,13 +75,7 @@ pub(super) fn check(file: ProfileFile, text: &str, source_name: &str) -> Result<
         cycle,
         limit,
         watchdog,
-        interlock: Interlock {
-            pressure_max_bar: file.interlock.pressure_max.map(|q| q.value()),
-            pressure_rate_max_bar_per_s: file.interlock.pressure_rate_max.map(|q| q.value()),
-            current_max_a: file.interlock.current_max.map(|q| q.value()),
-            current_deviation: deviation,
-            lost_max: file.interlock.lost_max.unwrap_or(3).max(1),
-        },
+        interlock,
         safe_state,
         start: file.start,
     })
@@ -107,24 +94,25 @@ fn check_device(c: &Context, d: &DeviceFile) -> Result<Device, ProfileError> {
         sources: d.sources.clone(),
         verified: d.verified,
         update_hz: d.update.value(),
+        emulated: d.emulated,
     })
 }
 
 fn check_transport(c: &Context, t: &TransportFile) -> Result<Transport, ProfileError> {
     let line = t.kind == TransportKind::Line;
-    let tcp = t.kind == TransportKind::Tcp;
+    let tcp = matches!(t.kind, TransportKind::Tcp | TransportKind::TcpGateway);
     let unit = match t.unit {
         None if line => 0,
         None => return Err(c.error("transport.unit", "the Modbus unit id is missing: 1 to 247")),
         Some(_) if line => return Err(c.error("transport.unit", "a line driver has no unit id; write it into the request")),
-        Some(id) if (1..=247).contains(&id) || (tcp && (id == 0 || id == 255)) => id,
+        Some(id) if (1..=247).contains(&id) || (t.kind == TransportKind::Tcp && (id == 0 || id == 255)) => id,
         Some(id) => {
             return Err(
                 c.error("transport.unit", format!("{id} is reserved: 0 is the broadcast, which no device answers; allowed: 1 to 247"))
             );
         }
     };
-    if tcp && (t.baud.is_some() || t.stop_bits.is_some()) {
+    if t.kind == TransportKind::Tcp && (t.baud.is_some() || t.stop_bits.is_some()) {
         return Err(c.error("transport.baud", "Modbus TCP has no baud rate and no stop bits; remove them"));
     }
     let baud = match t.baud {
@@ -153,6 +141,7 @@ fn check_transport(c: &Context, t: &TransportFile) -> Result<Transport, ProfileE
         low_latency: t.low_latency,
         local_echo: t.local_echo,
         turnaround_s: t.turnaround.value(),
+        functions: t.functions.clone(),
     })
 }
 
@@ -229,6 +218,9 @@ fn check_signal(c: &Context, name: SignalName, s: &SignalFile, transport: &Trans
     if name != SignalName::Status && !s.bits.is_empty() {
         return Err(c.error(&key("bits"), "only `status` has bits"));
     }
+    if s.rate.is_some_and(|r| name != SignalName::Counter || r.value() <= 0.0) {
+        return Err(c.error(&key("rate"), "only `counter` has a rate, above 0 Hz"));
+    }
     let control = name == SignalName::Control;
     if control != s.constant.is_some() || (!control && s.safe.is_some()) {
         let message =
@@ -260,6 +252,7 @@ fn check_signal(c: &Context, name: SignalName, s: &SignalFile, transport: &Trans
         faults,
         bits: s.bits.iter().map(|(k, v)| (k.clone(), *v)).collect(),
         frozen_after_s: s.frozen_after.map(|q| q.value()),
+        rate_hz: s.rate.map(|q| q.value()),
     })
 }
 

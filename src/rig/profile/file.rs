@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::cycle_file::CycleFile;
 use crate::units::{Current, CurrentRate, Frequency, Pressure, PressureRate, Time};
 
 /// A driver profile: how a current driver, or a pressure transmitter, is spoken to.
@@ -51,6 +52,9 @@ pub struct DeviceFile {
     pub verified: Verified,
     /// How often the device renews its measured values; a faster loop is refused.
     pub update: Frequency,
+    /// Whether this is an emulator's own map: records say so, and never count as those of a real valve.
+    #[serde(default)]
+    pub emulated: bool,
     /// Remarks for people.
     #[serde(default)]
     pub notes: Vec<String>,
@@ -105,8 +109,10 @@ pub struct TransportFile {
 pub enum TransportKind {
     /// Modbus RTU on a serial line.
     Rtu,
-    /// Modbus TCP.
+    /// Modbus TCP, spoken by the device itself.
     Tcp,
+    /// Modbus TCP to a gateway with the device on a serial line behind it: the transaction id is the gateway's and proves nothing.
+    TcpGateway,
     /// Modbus RTU frames through a TCP serial server.
     RtuOverTcp,
     /// Lines of text on a serial line, or through a TCP serial server.
@@ -202,6 +208,9 @@ pub struct SignalFile {
     /// The same raw value for longer than this, while the set-point moved by more than 50 mA, is a frozen sensor.
     #[serde(default)]
     pub frozen_after: Option<Time>,
+    /// Counts a second (`counter` only); `device.update` where it is not given.
+    #[serde(default)]
+    pub rate: Option<Frequency>,
 }
 
 /// Modbus table.
@@ -263,79 +272,6 @@ pub struct LimitFile {
     /// Fastest change that may be sent.
     #[serde(default)]
     pub slew: Option<CurrentRate>,
-}
-
-/// What is exchanged in every slot.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CycleFile {
-    /// Longest wait for the reply to one transaction.
-    pub timeout: Time,
-    /// The transactions in their order.
-    pub transaction: Vec<TransactionFile>,
-}
-
-/// One request with its reply.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TransactionFile {
-    /// Modbus function code: 3, 4, 6, 16 or 23; not for a line driver.
-    #[serde(default)]
-    pub function: Option<u8>,
-    /// Signals that are written, one gapless block.
-    #[serde(default)]
-    pub write: Vec<String>,
-    /// Signals that are read, one gapless block.
-    #[serde(default)]
-    pub read: Vec<String>,
-    /// How the reply is shown to belong to this request.
-    pub freshness: Freshness,
-    /// Readable registers behind the block, for `freshness = "quantity"`: 3 or more.
-    #[serde(default)]
-    pub spare: u16,
-    /// Request of a line driver: text with `{signal}` in the unit and digits of its format.
-    #[serde(default)]
-    pub request: Option<String>,
-    /// Reply of a line driver.
-    #[serde(default)]
-    pub reply: Option<String>,
-    /// End of a line, default CR LF.
-    #[serde(default)]
-    pub terminator: Option<String>,
-    /// Checksum behind the text of a line.
-    #[serde(default)]
-    pub checksum: Checksum,
-}
-
-/// Checksum behind the text of a line, written as upper-case hex digits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Checksum {
-    /// None.
-    #[default]
-    None,
-    /// `*` and the exclusive or of all bytes, two digits.
-    Xor,
-    /// The sum of all bytes modulo 256, two digits.
-    Sum8,
-    /// CRC-16/MODBUS, four digits.
-    Crc16,
-}
-
-/// How a reply is shown to belong to its request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Freshness {
-    /// A written value comes back in the reply, and differs from those of the last requests.
-    Echo,
-    /// The number of registers asked for differs from that of the last requests.
-    Quantity,
-    /// A counter in the reply has moved, and is not one seen before.
-    Counter,
-    /// The transaction id of Modbus TCP.
-    TransactionId,
-    /// None: every sample is stale, and a verdict from it INVALID.
-    None,
 }
 
 /// The device's own communication watchdog.
@@ -408,7 +344,7 @@ pub struct InterlockFile {
     /// Largest pressure.
     #[serde(default)]
     pub pressure_max: Option<Pressure>,
-    /// Largest rate of the pressure, over two good samples.
+    /// Largest rate of the pressure, over two good samples; by default half of the largest pressure from one sample to the next.
     #[serde(default)]
     pub pressure_rate_max: Option<PressureRate>,
     /// Largest measured current.

@@ -6,11 +6,14 @@ use std::path::{Path, PathBuf};
 mod blocks;
 mod budget;
 mod check;
+mod cycle_file;
 mod file;
+mod guards;
 mod signal;
 mod template;
 
 pub use budget::{Budget, LARGEST_SHARE, frame_bytes, silence_s};
+pub use cycle_file::*;
 pub use file::*;
 pub use signal::{FaultBit, Signal, SignalName};
 pub use template::{NumberFormat, Piece, Template, crc16};
@@ -103,6 +106,8 @@ pub struct Device {
     pub verified: Verified,
     /// How often the device renews its values [Hz].
     pub update_hz: f64,
+    /// Whether this is an emulator's own map.
+    pub emulated: bool,
 }
 
 /// The line to the device, in canonical units.
@@ -126,6 +131,8 @@ pub struct Transport {
     pub local_echo: bool,
     /// Longest documented answer time [s].
     pub turnaround_s: f64,
+    /// Function codes that the device documents; none for a line driver.
+    pub functions: Vec<u8>,
 }
 
 /// A gapless block of registers.
@@ -220,6 +227,8 @@ pub struct Interlock {
     pub pressure_max_bar: Option<f64>,
     /// Largest rate of the pressure [bar/s].
     pub pressure_rate_max_bar_per_s: Option<f64>,
+    /// Largest step of the pressure from one sample to the next, where the profile names no rate [bar].
+    pub pressure_step_max_bar: Option<f64>,
     /// Largest measured current [A].
     pub current_max_a: Option<f64>,
     /// Difference of measured and commanded current [A], and for how long it may last [s].

@@ -123,6 +123,8 @@ pub struct Signal {
     pub bits: Vec<(String, u8)>,
     /// Time after which an unchanged raw value is a frozen sensor [s].
     pub frozen_after_s: Option<f64>,
+    /// Counts a second of a counter, where it is not the rate of the device [Hz].
+    pub rate_hz: Option<f64>,
 }
 
 impl Signal {
@@ -223,6 +225,7 @@ mod tests {
             faults: vec![],
             bits: vec![],
             frozen_after_s: None,
+            rate_hz: None,
         }
     }
 

@@ -3,7 +3,7 @@
 //! `"CUR {setpoint mA .1} {token x4}"`: in braces the signal, for a quantity its unit and its decimals, for a word
 //! `d` or `x` and the number of digits. Everything else is literal.
 
-use super::file::Checksum;
+use super::cycle_file::Checksum;
 use super::signal::SignalName;
 
 /// One piece of a template.

@@ -83,21 +83,21 @@ fn the_budget_of_published_examples_is_reproduced() {
 
 #[test]
 fn what_does_not_fit_together_is_refused_with_line_and_key() {
-    insta::assert_snapshot!(message("unit = 1", "unit = 0"), @"p.toml:14: `transport.unit`: 0 is reserved: 0 is the broadcast, which no device answers; allowed: 1 to 247");
-    insta::assert_snapshot!(message("functions = [3, 6, 16, 23]", "functions = [3, 6, 16]"), @"p.toml:58: `cycle.transaction.function`: transaction 1: function 23 is not among `transport.functions`");
-    insta::assert_snapshot!(message("address = 3", "address = 2"), @"p.toml:40: `signal.counter.address`: register 2 also belongs to `status`");
-    insta::assert_snapshot!(message("address = 5", "address = 9"), @"p.toml:60: `cycle.transaction.read`: transaction 1: `pressure` is at register 9, but the block goes on at 5: it must be gapless and in order");
-    insta::assert_snapshot!(message("freshness = \"echo\"", "freshness = \"transaction-id\""), @"p.toml:61: `cycle.transaction.freshness`: transaction 1: only Modbus TCP has a transaction id; allowed here: echo, quantity, none");
-    insta::assert_snapshot!(message("freshness = \"echo\"", "freshness = \"counter\""), @"p.toml:61: `cycle.transaction.freshness`: transaction 1: a late reply carries a counter that was never seen, so on this line a counter alone proves nothing; use echo or quantity, the counter is checked beside it");
-    insta::assert_snapshot!(message("scale = \"0.1 mA\"", "scale = \"0.1 bar\""), @"p.toml:25: `signal.setpoint.scale`: `0.1 bar` is not a current: the unit `bar` is of a pressure; allowed: A, mA, uA");
-    insta::assert_snapshot!(message("limit = { min = \"0 mA\", max = \"1200 mA\" }", ""), @r#"p.toml:22: `signal.setpoint.limit`: missing: { min = "0 mA", max = ".." }; no current is sent without a limit"#);
-    insta::assert_snapshot!(message("max = \"1200 mA\"", "max = \"7 A\""), @"p.toml:26: `signal.setpoint.limit`: `max` = 7 A does not fit the raw type");
-    insta::assert_snapshot!(message("ready = false, ", "redy = false, "), @"p.toml:36: `signal.status.fault_when`: no bit `redy`; known: open, ready, short, watchdog");
-    insta::assert_snapshot!(message("time = \"200 ms\"", "time = \"2 s\""), @"p.toml:65: `watchdog.time`: a watchdog must act within 500 ms, and its time must be known");
+    insta::assert_snapshot!(message("unit = 1", "unit = 0"), @"p.toml:15: `transport.unit`: 0 is reserved: 0 is the broadcast, which no device answers; allowed: 1 to 247");
+    insta::assert_snapshot!(message("functions = [3, 6, 16, 23]", "functions = [3, 6, 16]"), @"p.toml:59: `cycle.transaction.function`: transaction 1: function 23 is not among `transport.functions`");
+    insta::assert_snapshot!(message("address = 3", "address = 2"), @"p.toml:41: `signal.counter.address`: register 2 also belongs to `status`");
+    insta::assert_snapshot!(message("address = 5", "address = 9"), @"p.toml:61: `cycle.transaction.read`: transaction 1: `pressure` is at register 9, but the block goes on at 5: it must be gapless and in order");
+    insta::assert_snapshot!(message("freshness = \"echo\"", "freshness = \"transaction-id\""), @"p.toml:62: `cycle.transaction.freshness`: transaction 1: only Modbus TCP has a transaction id; allowed here: echo, quantity, none");
+    insta::assert_snapshot!(message("freshness = \"echo\"", "freshness = \"counter\""), @"p.toml:62: `cycle.transaction.freshness`: transaction 1: a late reply carries a counter that was never seen, so on this line a counter alone proves nothing; use echo or quantity, the counter is checked beside it");
+    insta::assert_snapshot!(message("scale = \"0.1 mA\"", "scale = \"0.1 bar\""), @"p.toml:26: `signal.setpoint.scale`: `0.1 bar` is not a current: the unit `bar` is of a pressure; allowed: A, mA, uA");
+    insta::assert_snapshot!(message("limit = { min = \"0 mA\", max = \"1200 mA\" }", ""), @r#"p.toml:23: `signal.setpoint.limit`: missing: { min = "0 mA", max = ".." }; no current is sent without a limit"#);
+    insta::assert_snapshot!(message("max = \"1200 mA\"", "max = \"7 A\""), @"p.toml:27: `signal.setpoint.limit`: `max` = 7 A does not fit the raw type");
+    insta::assert_snapshot!(message("ready = false, ", "redy = false, "), @"p.toml:37: `signal.status.fault_when`: no bit `redy`; known: open, ready, short, watchdog");
+    insta::assert_snapshot!(message("time = \"200 ms\"", "time = \"2 s\""), @"p.toml:66: `watchdog.time`: a watchdog must act within 500 ms, and its time must be known");
     insta::assert_snapshot!(message("sources = [\"docs/emulator.md\"]", "sources = []"), @"p.toml:8: `device.sources`: name the public text that the map was read from; a map without a source is not used");
-    insta::assert_snapshot!(message("confirm = \"current\"", "confirm = \"supply\""), @"p.toml:79: `safe_state.confirm`: `supply` cannot confirm it; allowed: current where the device measures it, otherwise pressure");
-    insta::assert_snapshot!(message("raw = [4000, 20000]", "raw = [4000, 4000]"), @"p.toml:48: `signal.pressure.scale`: one count must be worth something: the two points are the same, or the scale is 0");
-    insta::assert_snapshot!(message("[\"setpoint\", \"token\", \"status\"", "[\"status\""), @"p.toml:61: `cycle.transaction.freshness`: transaction 1: no `setpoint` or `token` that this slot writes is read back here");
+    insta::assert_snapshot!(message("confirm = \"current\"", "confirm = \"supply\""), @"p.toml:80: `safe_state.confirm`: `supply` cannot confirm it; allowed: current where the device measures it, otherwise pressure");
+    insta::assert_snapshot!(message("raw = [4000, 20000]", "raw = [4000, 4000]"), @"p.toml:49: `signal.pressure.scale`: one count must be worth something: the two points are the same, or the scale is 0");
+    insta::assert_snapshot!(message("[\"setpoint\", \"token\", \"status\"", "[\"status\""), @"p.toml:62: `cycle.transaction.freshness`: transaction 1: no `setpoint` or `token` that this slot writes is read back here");
     insta::assert_snapshot!(message("hil.driver/1", "hil.driver/2"), @r#"p.toml:3: `schema`: `hil.driver/2` is not a driver profile of this version; write "hil.driver/1""#);
 }
 
@@ -105,9 +105,9 @@ fn what_does_not_fit_together_is_refused_with_line_and_key() {
 fn an_unknown_key_is_refused_where_it_stands() {
     insta::assert_snapshot!(message("baud = 230400", "bauds = 230400"), @"
     unknown field `bauds`, expected one of `kind`, `unit`, `baud`, `parity`, `stop_bits`, `low_latency`, `local_echo`, `turnaround`, `functions`
-      --> p.toml:15:1
+      --> p.toml:16:1
        |
-    15 | bauds = 230400
+    16 | bauds = 230400
        | ^^^^^
        |
        = help: did you mean `baud`?

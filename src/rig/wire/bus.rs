@@ -101,8 +101,17 @@ pub trait Bus: Send {
     fn read_register(&mut self, register: &RegisterValue, timeout_s: f64) -> Result<u16, Loss>;
     /// Writes one register and checks that the device repeats it.
     fn write_register(&mut self, register: &RegisterValue, timeout_s: f64) -> Result<(), Loss>;
-    /// Makes the line usable again after a loss; `within_s` bounds it.
-    fn recover(&mut self, within_s: f64);
+    /// What the device holds instead of the registers that the last transaction wrote; `None` where it holds them, or where the
+    /// line has no way to ask.
+    fn holds_last_write(&mut self, _timeout_s: f64) -> Result<Option<String>, Loss> {
+        Ok(None)
+    }
+    /// Registers of the table in which an emulator identifies itself; `None` where the line has no way to ask.
+    fn read_block(&mut self, _address: u16, _count: u16, _timeout_s: f64) -> Result<Vec<u16>, Loss> {
+        Ok(Vec::new())
+    }
+    /// Makes the line usable again after a loss; `within_s` bounds it. True where that took a new connection.
+    fn recover(&mut self, within_s: f64) -> bool;
     /// The latest frames, the oldest first.
     fn trace(&self) -> Vec<TracedFrame>;
     /// What is known of the line: low latency granted and the like.

@@ -1,8 +1,10 @@
 //! One device on its line: a slot's transactions with their proofs of freshness and plausibility.
 
 use super::bus::{Bus, Incoming, Loss, Outgoing};
+use super::counter::Counter;
 use super::sequence::{OutsideLimits, Sequence, rests_on_setpoint};
 use crate::rig::profile::{Freshness, Profile, SignalName, TransportKind};
+use crate::rig::realtime::Clock;
 use crate::rig::{Quality, RigError};
 
 /// The set-point must have moved so far before an unchanged raw value is a frozen sensor [A].
@@ -44,8 +46,10 @@ pub struct Device {
     pub last_loss: Option<String>,
     sequence: Sequence,
     alternate: bool,
-    counter: Option<f64>,
+    counter: Counter,
     frozen: Frozen,
+    /// Set by a new connection; whoever acts on it clears it.
+    pub reconnected: bool,
 }
 
 /// Watches for a raw value that stands still while the set-point moves.
@@ -58,10 +62,11 @@ struct Frozen {
 }
 
 impl Device {
-    /// A device at rest.
-    pub fn new(profile: Profile, bus: Box<dyn Bus>, first_token: u16) -> Self {
+    /// A device at rest, in a loop of this period; an infinite one where no loop runs.
+    pub fn new(profile: Profile, bus: Box<dyn Bus>, first_token: u16, period_s: f64) -> Self {
         let alternate = rests_on_setpoint(&profile) || profile.cycle.transactions.iter().any(|t| t.function == 6);
         let alternate = alternate && profile.transport.kind != TransportKind::Tcp;
+        let rate_hz = profile.signal(SignalName::Counter).and_then(|(_, s)| s.rate_hz).unwrap_or(profile.device.update_hz);
         Self {
             profile,
             bus,
@@ -69,7 +74,8 @@ impl Device {
             last_loss: None,
             sequence: Sequence::new(first_token),
             alternate,
-            counter: None,
+            counter: Counter::new(rate_hz, period_s),
+            reconnected: false,
             frozen: Frozen { raw: f64::NAN, ..Frozen::default() },
         }
     }
@@ -88,10 +94,11 @@ impl Device {
         Ok(Outgoing { setpoint, control, token: self.sequence.token(), extra: self.sequence.extra() })
     }
 
-    /// One slot: all transactions, within `within_s`.
-    pub fn slot(&mut self, out: &Outgoing, now_s: f64, within_s: f64, clock: &crate::rig::realtime::Clock) -> Reading {
+    /// One slot: all transactions, within `within_s`. `current_a` is the current of the driver, by which a frozen pressure shows.
+    pub fn slot(&mut self, out: &Outgoing, current_a: f64, within_s: f64, clock: &Clock) -> Reading {
         let mut values = Incoming::default();
-        let end_s = clock.now_s() + within_s;
+        let sent_s = clock.now_s();
+        let end_s = sent_s + within_s;
         for index in 0..self.profile.cycle.transactions.len() {
             let rest_s = (end_s - clock.now_s()).min(self.profile.cycle.timeout_s);
             let transaction = &self.profile.cycle.transactions[index];
@@ -99,7 +106,7 @@ impl Device {
                 return self.lost(&loss, (end_s - clock.now_s()).max(0.001));
             }
         }
-        let quality = self.judge(&values, out, now_s);
+        let quality = self.judge(&values, out, current_a, (sent_s, clock.now_s()));
         match quality {
             Quality::Stale => self.losses.stale += 1,
             Quality::Implausible => self.losses.implausible += 1,
@@ -109,7 +116,7 @@ impl Device {
     }
 
     /// All transactions without a judgement, for start and safe state; a loss is recovered from and named.
-    pub fn transact_all(&mut self, out: &Outgoing, within_s: f64, clock: &crate::rig::realtime::Clock) -> Result<Incoming, String> {
+    pub fn transact_all(&mut self, out: &Outgoing, within_s: f64, clock: &Clock) -> Result<Incoming, String> {
         let mut values = Incoming::default();
         let end_s = clock.now_s() + within_s;
         for transaction in &self.profile.cycle.transactions {
@@ -118,7 +125,7 @@ impl Device {
                 return Err("the profile has no proof of freshness, so no reply confirms anything".into());
             }
             if let Err(loss) = self.bus.transact(transaction, out, rest_s, &mut values) {
-                self.bus.recover(self.profile.cycle.timeout_s.max(0.02));
+                self.reconnected |= self.bus.recover(self.profile.cycle.timeout_s.max(0.02));
                 return Err(loss.to_string());
             }
         }
@@ -133,11 +140,10 @@ impl Device {
         out
     }
 
-    /// Whether the counter of conversions, where there is one, has moved since the last reply.
-    pub fn shows_new_conversion(&mut self, values: &Incoming) -> Result<(), String> {
-        let Some(counter) = values.get(SignalName::Counter) else { return Ok(()) };
-        let before = self.counter.replace(counter);
-        if before == Some(counter) { Err(format!("the counter of conversions stands at {counter}")) } else { Ok(()) }
+    /// Whether the counter of conversions, where there is one, has moved since the last reply, at rest: a device that restarted may
+    /// count from zero. With the times of its request and its reply.
+    pub fn shows_new_conversion(&mut self, values: &Incoming, (sent_s, got_s): (f64, f64)) -> Result<(), String> {
+        values.get(SignalName::Counter).map_or(Ok(()), |raw| self.counter.take(raw, sent_s, got_s, true))
     }
 
     fn lost(&mut self, loss: &Loss, within_s: f64) -> Reading {
@@ -152,17 +158,19 @@ impl Device {
             _ => self.losses.lost += 1,
         }
         self.last_loss = Some(loss.to_string());
-        self.bus.recover(within_s);
+        self.reconnected |= self.bus.recover(within_s);
         Reading { quality, values: Incoming::default(), exception }
     }
 
     /// Freshness of what the transactions did not already prove, then what the device and its sensors say.
-    fn judge(&mut self, values: &Incoming, out: &Outgoing, now_s: f64) -> Quality {
+    fn judge(&mut self, values: &Incoming, out: &Outgoing, current_a: f64, (sent_s, got_s): (f64, f64)) -> Quality {
         if self.profile.cycle.transactions.iter().any(|t| t.freshness == Freshness::None) {
             self.last_loss = Some("the profile has no proof of freshness".into());
             return Quality::Stale;
         }
-        if let Err(why) = self.shows_new_conversion(values) {
+        if let Some(raw) = values.get(SignalName::Counter)
+            && let Err(why) = self.counter.take(raw, sent_s, got_s, false)
+        {
             self.last_loss = Some(why);
             return Quality::Stale;
         }
@@ -186,13 +194,12 @@ impl Device {
                 return Quality::Implausible;
             }
         }
-        if self.is_frozen(values, out, now_s) { Quality::Implausible } else { Quality::Good }
+        if self.is_frozen(values, current_a, got_s) { Quality::Implausible } else { Quality::Good }
     }
 
-    fn is_frozen(&mut self, values: &Incoming, out: &Outgoing, now_s: f64) -> bool {
+    fn is_frozen(&mut self, values: &Incoming, current_a: f64, now_s: f64) -> bool {
         let Some((_, pressure)) = self.profile.signal(SignalName::Pressure) else { return false };
         let (Some(limit_s), Some(raw)) = (pressure.frozen_after_s, values.get(SignalName::Pressure)) else { return false };
-        let current_a = self.profile.signal(SignalName::Setpoint).map_or(0.0, |(_, s)| s.from_raw(out.setpoint));
         let f = &mut self.frozen;
         if raw != f.raw {
             *f = Frozen { raw, since_s: now_s, low_a: current_a, high_a: current_a };

@@ -3,10 +3,14 @@
 use std::sync::Arc;
 
 mod bus;
+mod counter;
 mod device;
 mod endpoint;
+mod interlock;
+mod lock;
 mod port;
 mod probe;
+mod proof;
 mod safe;
 mod sequence;
 mod start;
@@ -14,8 +18,10 @@ mod start;
 pub use bus::{Bus, Incoming, Loss, Outgoing, TRACED_BYTES, TracedFrame, exception_name};
 pub use device::{Device, Losses, Reading};
 pub use endpoint::{Endpoint, low_latency};
+use lock::DeviceLock;
 pub use port::{BusPort, Stream};
-pub use probe::{Findings, probe};
+pub use probe::{Findings, Probed, probe};
+use proof::Proofs;
 pub use sequence::{OutsideLimits, Sequence, rests_on_setpoint};
 
 use super::line::LineBus;
@@ -62,7 +68,11 @@ pub struct WireRig {
     last_good: Option<(f64, f64)>,
     deviates_since_s: Option<f64>,
     lost_in_a_row: u32,
+    proofs: Proofs,
+    emulated: bool,
     safe: bool,
+    // Held for as long as the rig lives.
+    _locks: Vec<DeviceLock>,
 }
 
 /// Opens one bus.
@@ -82,7 +92,7 @@ fn first_token() -> u16 {
 /// Opens a single device, for a look at it; nothing is written.
 pub fn open_device(profile: &Profile, endpoint: &Endpoint) -> Result<(Device, Clock), RigError> {
     let clock = Clock::new();
-    Ok((Device::new(profile.clone(), bus(profile, endpoint, clock)?, first_token()), clock))
+    Ok((Device::new(profile.clone(), bus(profile, endpoint, clock)?, first_token(), f64::INFINITY), clock))
 }
 
 /// Opens a rig and proves it safe to energise: identity, watchdog, current zero. Nothing but zero is written.
@@ -100,10 +110,15 @@ pub fn open(profile: &Profile, endpoint: &Endpoint, period_s: f64, options: Opti
         profile.interlock.pressure_max_bar = Some(profile.interlock.pressure_max_bar.map_or(max_bar, |own| own.min(max_bar)));
     }
     let clock = Clock::new();
+    let at = std::iter::once((&profile, endpoint)).chain(options.pressure_source.iter().map(|(p, at)| (p, at)));
+    let locks = at.map(|(p, at)| lock::hold(&p.transport, at)).filter_map(Result::transpose).collect::<Result<Vec<_>, _>>()?;
     let source = match (&options.pressure_source, profile.signal(SignalName::Pressure)) {
         (None, None) => return Err(wrong("it measures no pressure; name a pressure source beside it".into())),
         (Some((source, at)), _) => {
             let wrong = |reason: String| RigError::Profile { name: source.name.clone(), reason };
+            if source.signal(SignalName::Pressure).is_none() {
+                return Err(wrong("it has no `pressure`, so it is no pressure source".into()));
+            }
             source.check_period(period_s).map_err(wrong)?;
             if profile.budget().total_s + source.budget().total_s > super::profile::LARGEST_SHARE * period_s {
                 let reason = format!(
@@ -115,11 +130,11 @@ pub fn open(profile: &Profile, endpoint: &Endpoint, period_s: f64, options: Opti
                 );
                 return Err(wrong(reason));
             }
-            Some(Device::new(source.clone(), bus(source, at, clock)?, first_token()))
+            Some(Device::new(source.clone(), bus(source, at, clock)?, first_token(), period_s))
         }
         _ => None,
     };
-    let driver = Device::new(profile.clone(), bus(&profile, endpoint, clock)?, first_token());
+    let driver = Device::new(profile.clone(), bus(&profile, endpoint, clock)?, first_token(), period_s);
     let nothing = Sample {
         time_s: 0.0,
         pressure_bar: f64::NAN,
@@ -145,6 +160,9 @@ pub fn open(profile: &Profile, endpoint: &Endpoint, period_s: f64, options: Opti
         last_good: None,
         deviates_since_s: None,
         lost_in_a_row: 0,
+        proofs: Proofs::default(),
+        emulated: false,
+        _locks: locks,
         // Nothing is written to a device that has not shown what it is, not even zero.
         safe: true,
     };
@@ -168,6 +186,11 @@ impl WireRig {
         (sum, last)
     }
 
+    /// How often the watchdog was shown to be armed since the start.
+    pub fn watchdog_proofs(&self) -> u64 {
+        self.proofs.count
+    }
+
     /// The latest raw frames of the driver's line.
     pub fn trace(&self) -> Vec<TracedFrame> {
         self.driver.bus.trace()
@@ -177,7 +200,7 @@ impl WireRig {
     fn exchange(&mut self, command_a: f64, time_s: f64, within_s: f64) -> Result<Sample, RigError> {
         let out = self.driver.outgoing(command_a, false).map_err(RigError::Refused)?;
         let began_s = self.clock.now_s();
-        let reading = self.driver.slot(&out, time_s, within_s, &self.clock);
+        let reading = self.driver.slot(&out, command_a, within_s, &self.clock);
         let mut sample = Sample { time_s, quality: reading.quality, missed_slots: 0, ..self.last };
         if let Some(error) = reading.exception.and_then(|code| self.driver.refusal(code)) {
             return Err(error);
@@ -193,7 +216,7 @@ impl WireRig {
         if let (Some(source), Quality::Good) = (&mut self.source, sample.quality) {
             let out = source.outgoing(0.0, false).map_err(RigError::Refused)?;
             let rest_s = within_s - (self.clock.now_s() - began_s);
-            let reading = source.slot(&out, time_s, rest_s, &self.clock);
+            let reading = source.slot(&out, command_a, rest_s, &self.clock);
             if let Some(error) = reading.exception.and_then(|code| source.refusal(code)) {
                 return Err(error);
             }
@@ -202,8 +225,15 @@ impl WireRig {
                 pressure_bar = source.value(&reading.values, SignalName::Pressure);
             }
         }
-        if let (Quality::Good, Some(bar)) = (sample.quality, pressure_bar) {
-            sample.pressure_bar = bar;
+        match (sample.quality, pressure_bar) {
+            (Quality::Good, Some(bar)) if bar.is_finite() => sample.pressure_bar = bar,
+            // Whatever else the reply holds: without a pressure there is nothing to control by.
+            (Quality::Good, _) => {
+                sample.quality = Quality::Implausible;
+                self.driver.losses.implausible += 1;
+                self.driver.last_loss = Some("no pressure in the reply".into());
+            }
+            _ => {}
         }
         sample.round_trip_s = self.clock.now_s() - began_s;
         Ok(sample)
@@ -223,61 +253,14 @@ impl WireRig {
         let last = self.driver.last_loss.clone().or(source).unwrap_or_else(|| "slots missed by the loop itself".into());
         Err(RigError::Lost { name: self.driver.profile.name.clone(), count: self.lost_in_a_row, last })
     }
-
-    fn interlocks(&mut self, sample: &Sample) -> Result<(), RigError> {
-        let limits = self.driver.profile.interlock;
-        let over = |what: &str, value: f64, limit: Option<f64>, unit: &str| match limit {
-            Some(limit) if value > limit => {
-                Err(RigError::Interlock { what: format!("{what} {value:.3} {unit} above {limit:.3} {unit} at {:.3} s", sample.time_s) })
-            }
-            _ => Ok(()),
-        };
-        over("pressure", sample.pressure_bar, limits.pressure_max_bar, "bar")?;
-        over("measured current", sample.current_a.unwrap_or(0.0), limits.current_max_a, "A")?;
-        self.current_follows(sample)?;
-        if let Some((time_s, pressure_bar)) = self.last_good.replace((sample.time_s, sample.pressure_bar))
-            && sample.time_s > time_s
-        {
-            let rate = (sample.pressure_bar - pressure_bar).abs() / (sample.time_s - time_s);
-            over("rate of pressure", rate, limits.pressure_rate_max_bar_per_s, "bar/s")?;
-        }
-        Ok(())
-    }
-
-    /// A coil that does not take the commanded current for some time is a broken wire or a dead driver.
-    fn current_follows(&mut self, sample: &Sample) -> Result<(), RigError> {
-        let (Some((by_a, for_s)), Some(measured_a)) = (self.driver.profile.interlock.current_deviation, sample.current_a) else {
-            return Ok(());
-        };
-        let (low_a, high_a) = self.commands_a;
-        if measured_a >= low_a - by_a && measured_a <= high_a + by_a {
-            self.deviates_since_s = None;
-            return Ok(());
-        }
-        let since_s = *self.deviates_since_s.get_or_insert(sample.time_s);
-        if sample.time_s - since_s < for_s {
-            return Ok(());
-        }
-        let what = format!(
-            "measured current {measured_a:.4} A does not follow the commanded {high_a:.4} A since {since_s:.3} s: a broken wire, or a driver that is not enabled"
-        );
-        Err(RigError::Interlock { what })
-    }
-
-    fn check_slew(&self, command_a: f64) -> Result<(), RigError> {
-        let change = (command_a - self.last_command_a).abs() / self.period_s;
-        match self.driver.profile.limit.slew_a_per_s {
-            Some(limit) if change > limit * (1.0 + 1e-9) => Err(RigError::Slew { change_a_per_s: change, limit_a_per_s: limit }),
-            _ => Ok(()),
-        }
-    }
 }
 
 impl Rig for WireRig {
     fn identity(&self) -> RigIdentity {
         let p = &self.driver.profile;
         let kind = if p.transport.kind == TransportKind::Line { "serial" } else { "modbus" };
-        RigIdentity { kind: kind.into(), name: p.name.clone(), sha256: p.sha256.clone(), details: self.details.clone() }
+        let (name, sha256, details) = (p.name.clone(), p.sha256.clone(), self.details.clone());
+        RigIdentity { kind: kind.into(), name, sha256, emulated: self.emulated, details }
     }
 
     fn step(&mut self, command_a: f64, until_s: f64) -> Result<Sample, RigError> {
@@ -302,7 +285,11 @@ impl Rig for WireRig {
         if missed_slots > 0 {
             self.count_loss(Quality::Good, missed_slots)?;
         }
+        let slot_end_s = origin_s + time_s + self.period_s - GUARD_S;
         self.safe = false;
+        self.options.control.energised();
+        self.look_for_another_master(slot_end_s)?;
+        let within_s = within_s.min(slot_end_s - self.clock.now_s());
         let sample = self.exchange(command_a, time_s, within_s)?;
         self.commands_a = (command_a.min(self.last_command_a), command_a.max(self.last_command_a));
         self.last_command_a = command_a;
@@ -312,11 +299,17 @@ impl Rig for WireRig {
         if sample.quality == Quality::Good {
             self.interlocks(&sample)?;
         }
+        self.prove_watchdog(slot_end_s, sample.quality)?;
         Ok(sample)
     }
 
     fn make_safe(&mut self) -> Result<SafeState, RigError> {
-        let state = self.reach_safe_state();
+        let (driver, source) = (&mut self.driver, self.source.as_mut());
+        let mut state = safe::Ending { driver, source, clock: &self.clock }.reach();
+        // After a run, not at its start, where it is armed only then.
+        if state.confirmed && self.origin_s.is_some() {
+            state.fault = proof::watchdog_at_end(&mut self.driver, &self.clock);
+        }
         self.safe = state.confirmed;
         self.options.control.note_safe(&state);
         Ok(state)

@@ -1,9 +1,11 @@
 //! A look at a device without driving it: identity, readings, round trips, the highest loop rate; nothing but zero is
 //! ever written.
 
-use super::{Bus, Endpoint, Incoming, Loss, open_device};
-use crate::rig::RigError;
+use super::safe::Ending;
+use super::{Bus, Device, Endpoint, Incoming, Loss, open_device};
 use crate::rig::profile::{LARGEST_SHARE, Profile, RegisterValue, Role, SignalName, Table, TransportKind};
+use crate::rig::realtime::Clock;
+use crate::rig::{RigError, SafeState};
 
 /// Round trips that are timed.
 const ROUND_TRIPS: usize = 200;
@@ -23,9 +25,34 @@ pub struct Findings {
     pub highest_rate_hz: f64,
 }
 
-/// Looks at the device behind a profile.
-pub fn probe(profile: &Profile, endpoint: &Endpoint) -> Result<Findings, RigError> {
-    let (mut device, clock) = open_device(profile, endpoint)?;
+/// What a probe gave, and where it wrote anything, whether the current was seen to be zero at its end.
+#[derive(Debug)]
+pub struct Probed {
+    /// The findings, or why there are none.
+    pub findings: Result<Findings, RigError>,
+    /// The safe state; `None` where nothing was written, or what was written drives nothing.
+    pub safe: Option<SafeState>,
+}
+
+/// Looks at the device behind a profile. Whatever comes of it, a driver that was written to is left in its safe state.
+pub fn probe(profile: &Profile, endpoint: &Endpoint) -> Probed {
+    let (mut device, clock) = match open_device(profile, endpoint) {
+        Ok(open) => open,
+        Err(error) => return Probed { findings: Err(error), safe: None },
+    };
+    let mut written = false;
+    let findings = look(profile, &mut device, &clock, &mut written);
+    let safe = (written && profile.role == Role::Driver && confirms_itself(profile))
+        .then(|| Ending { driver: &mut device, source: None, clock: &clock }.reach());
+    Probed { findings, safe }
+}
+
+/// Whether the device shows by itself what confirms its safe state; the pressure of another device is not looked at here.
+fn confirms_itself(profile: &Profile) -> bool {
+    profile.safe_state.is_some_and(|s| profile.signal(s.name).is_some())
+}
+
+fn look(profile: &Profile, device: &mut Device, clock: &Clock, written: &mut bool) -> Result<Findings, RigError> {
     let mut found = Findings { facts: device.bus.details(), ..Findings::default() };
     for r in &profile.start.identity {
         let value = device.bus.read_register(r, REPLY_S).map_err(|loss| match loss {
@@ -49,10 +76,11 @@ pub fn probe(profile: &Profile, endpoint: &Endpoint) -> Result<Findings, RigErro
     let mut times: Vec<f64> = Vec::with_capacity(ROUND_TRIPS);
     let (mut lost, mut last) = (0, String::new());
     if known || profile.transport.kind == TransportKind::Line {
+        *written = writes;
         for _ in 0..ROUND_TRIPS {
             let out = device.outgoing_zero().map_err(RigError::Refused)?;
             let began_s = clock.now_s();
-            match device.transact_all(&out, f64::INFINITY, &clock) {
+            match device.transact_all(&out, f64::INFINITY, clock) {
                 Ok(values) => {
                     times.push(clock.now_s() - began_s);
                     found.readings = readings(profile, &values);

@@ -1,0 +1,69 @@
+//! Which files a plan may name: those of its project, and those that ship with the program. A plan comes from a pull
+//! request or a mail; what lies elsewhere on this machine is not its business.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Set by the person at the command line, for the whole process.
+static ANYWHERE: AtomicBool = AtomicBool::new(false);
+
+/// Lets plans read files outside of their projects.
+pub fn allow_anywhere() {
+    ANYWHERE.store(true, Ordering::Relaxed);
+}
+
+/// The project of a plan in `folder`: the nearest folder up with `hil.toml` or `.git`, else the folder itself.
+pub fn project(folder: &Path) -> PathBuf {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    let marked = |p: &&Path| p.join("hil.toml").is_file() || p.join(".git").exists();
+    folder.ancestors().find(marked).unwrap_or(&folder).to_path_buf()
+}
+
+/// Refuses a file that a plan in `folder` names and that exists outside of its project, links followed; a bare name is looked for
+/// among the shipped files too, which is no matter here.
+pub(super) fn check(folder: &Path, name: &str) -> Result<(), String> {
+    if ANYWHERE.load(Ordering::Relaxed) {
+        return Ok(());
+    }
+    let project = project(folder);
+    for candidate in [folder.join(name), PathBuf::from(name)] {
+        // What does not exist cannot be read; that it does not is told by whoever looks for it.
+        if candidate.canonicalize().is_ok_and(|file| !file.starts_with(&project)) {
+            return Err(format!(
+                "`{name}` lies outside of the plan's project ({}); --allow-outside lets plans read files elsewhere",
+                project.display()
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_reads_its_project_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for path in ["project/plans", "project/valves", "elsewhere"] {
+            std::fs::create_dir_all(at(path)).unwrap();
+        }
+        for file in ["project/valves/v.toml", "elsewhere/secret.toml", "project/plans/own.toml"] {
+            std::fs::write(at(file), "x").unwrap();
+        }
+        std::os::unix::fs::symlink(at("elsewhere/secret.toml"), at("project/plans/link.toml")).unwrap();
+        let plans = at("project/plans");
+        let asked = |name: &str| check(&plans, name).is_ok();
+        assert!(asked("own.toml") && asked("paper") && asked("no-such.toml"));
+        assert!(!asked("../valves/v.toml"), "without a mark, the project is the plan's own folder");
+        std::fs::write(at("project/hil.toml"), "").unwrap();
+        assert!(asked("../valves/v.toml"));
+        let secret = at("elsewhere/secret.toml");
+        for name in ["../../elsewhere/secret.toml", "link.toml", "/etc/passwd", secret.to_str().unwrap()] {
+            let refused = check(&plans, name).unwrap_err();
+            assert!(refused.contains("--allow-outside"), "{name}: {refused}");
+        }
+    }
+}
