@@ -155,7 +155,6 @@ pub fn run(args: &BatchArgs) -> CliResult {
     let setup = Setup::new(&args.rig, plan, population.clone(), args.seed, station.as_ref())?;
     let header = header(args, &setup, population, limits.as_ref(), station_block, valves.as_deref())?;
     let dir = folder(args, &setup.plan.name)?;
-    // A folder that holds a batch is the store's to judge: it may be resumed.
     let begins = !dir.join("batch.json").exists() && !dir.join("journal").exists();
     let inputs = [Some(&args.plan), args.duts.as_ref(), args.limits.as_ref(), args.station.as_ref(), args.population.as_ref()];
     let outputs = Outputs::new(args.force.force).reads(inputs.into_iter().flatten()).folder(begins.then_some(&dir), &batch_folder::FILES);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::last_word::Watched;
+use super::last_word::{self, Watched};
 use super::{CliError, exit};
 use crate::plan::Plan;
 use crate::record::{Dut, Outcome, TestRecord, Trace};
@@ -158,7 +158,13 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
     let result = loop_thread::run(&control, body, || view.show());
     view.finish();
     match result {
-        Ok(Ok(run)) => Ok(run),
+        Ok(Ok(run)) => {
+            // What the record says is said, also where a later attempt reached what this one did not.
+            if let Some(state) = run.record.safe_state.as_ref().filter(|s| !s.confirmed) {
+                last_word::unconfirmed(&state.evidence);
+            }
+            Ok(run)
+        }
         Ok(Err(error)) => Err(Failed { error: failed(error, &control), safe: control.safe_state() }),
         Err(error) => {
             let code = if error.is_safe() { exit::INTERNAL } else { exit::RIG };

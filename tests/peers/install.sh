@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# What the Modbus tests need beside Rust: mbpoll and libmodbus (Debian packages), pymodbus (pinned) in an environment of
+# What the tests need beside Rust: mbpoll, libmodbus and strace (Debian packages), pymodbus (pinned) in an environment of
 # its own below target/. Run once before `cargo test`; the tests say so when a peer is missing.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-if ! command -v mbpoll > /dev/null || ! [ -e /usr/include/modbus/modbus.h ]; then
+if ! command -v mbpoll > /dev/null || ! command -v strace > /dev/null || ! [ -e /usr/include/modbus/modbus.h ]; then
     run=(); [ "$(id -u)" -eq 0 ] || run=(sudo)
     "${run[@]}" apt-get update -qq
-    "${run[@]}" apt-get install -y -qq --no-install-recommends mbpoll libmodbus-dev gcc libc6-dev
+    "${run[@]}" apt-get install -y -qq --no-install-recommends mbpoll libmodbus-dev strace gcc libc6-dev
 fi
 venv=target/modbus-peers
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
