@@ -42,6 +42,8 @@ pub mod batch;
 
 pub mod fleet;
 
+pub mod exchange;
+
 pub mod report;
 
 #[doc(hidden)]

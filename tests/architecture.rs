@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// The rooms in the order of dependence: a room may use only those before it.
-const ROOMS: [&str; 21] = [
+const ROOMS: [&str; 22] = [
     "document",
     "output",
     "units",
@@ -23,6 +23,7 @@ const ROOMS: [&str; 21] = [
     "challenge",
     "batch",
     "fleet",
+    "exchange",
     "report",
     "cli",
 ];

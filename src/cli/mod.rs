@@ -20,6 +20,7 @@ mod diagnose;
 mod diff;
 mod emulate;
 mod explain;
+mod export;
 mod history;
 mod identify;
 mod input;
@@ -194,6 +195,11 @@ enum Command {
     /// Put every number of the paper beside ours; docs/paper.md is what this prints.
     #[command(after_help = "Example:\n  hil paper > docs/paper.md")]
     Paper(paper::PaperArgs),
+    /// Hand a batch or a model to other tools, in their formats.
+    #[command(
+        after_help = "Examples:\n  hil export valve.toml -o valve.fmu\n  hil export paper -o paper.fmu --fmi 3 --step \"1 ms\"\n  hil export paper -o paper.json\n  hil export reports/runs/lot-7 -o lot.dfq\n\nThe ending of the output decides."
+    )]
+    Export(export::ExportArgs),
     /// Explain a metric, an effect, a margin, or a key of a plan or of a valve file.
     #[command(after_help = "Examples:\n  hil explain\n  hil explain settling_time\n  hil explain \"gain margin\"")]
     Explain(explain::ExplainArgs),
@@ -246,6 +252,7 @@ pub fn main() -> u8 {
         Command::Master(args) => master::run(&args),
         Command::Accept(args) => accept::run(&args),
         Command::Paper(args) => paper::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Completions(args) => completions::run(&args),

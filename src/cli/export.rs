@@ -1,0 +1,92 @@
+//! `hil export`: a batch or a model in the formats of other trades.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::{CliError, CliResult, exit, note};
+use crate::exchange::aqdef::Lot;
+use crate::exchange::fmu::{Export, Version, find_library};
+use crate::recording::replace_file;
+use crate::units::Time;
+use crate::valve::Valve;
+
+/// What goes where.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// The folder of a batch, or a valve model: a file, or the bare name of one that ships
+    source: PathBuf,
+    /// The file to write: .fmu and .json of a model, .dfq (AQDEF) of a batch
+    #[arg(short = 'o', long, value_name = "FILE")]
+    output: PathBuf,
+    /// Version of FMI
+    #[arg(long, value_name = "2|3", default_value = "2", value_parser = clap::value_parser!(u8).range(2..=3))]
+    fmi: u8,
+    /// Step of the model inside an FMU; a master's steps are whole multiples of it
+    #[arg(long, value_name = "TIME", default_value = "10 ms")]
+    step: Time,
+    /// The library that goes into an FMU, where it does not lie beside the program
+    #[arg(long, value_name = "FILE")]
+    library: Option<PathBuf>,
+    /// The part number to hand over, where a batch holds several
+    #[arg(long, value_name = "NUMBER")]
+    part: Option<String>,
+}
+
+/// Writes the file.
+pub fn run(args: &ExportArgs) -> CliResult {
+    let ending = args.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match ending.as_str() {
+        "dfq" => lot(args),
+        "fmu" => fmu(args),
+        "json" => json(args),
+        _ => Err(CliError::usage(format!("{}: the ending says what to write: .fmu, .json or .dfq", args.output.display()))),
+    }
+}
+
+fn lot(args: &ExportArgs) -> CliResult {
+    let lot = Lot::read(&args.source, args.part.as_deref()).map_err(CliError::input)?;
+    store(&args.output, &lot.to_dfq())?;
+    if lot.not_judged > 0 {
+        note(&format!("note: {} valve(s) without a verdict are not in the file", lot.not_judged));
+    }
+    note(&format!("{}: {} valves, {} characteristics", args.output.display(), lot.len(), lot.characteristics()));
+    Ok(exit::DONE)
+}
+
+/// The model's file: its path and its text.
+fn model(args: &ExportArgs) -> Result<(PathBuf, String), CliError> {
+    let path = Valve::find(&args.source.to_string_lossy()).map_err(CliError::input)?;
+    let text = std::fs::read_to_string(&path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
+    Ok((path, text))
+}
+
+fn fmu(args: &ExportArgs) -> CliResult {
+    let (path, text) = model(args)?;
+    let export = Export::new(&text, &path.display().to_string(), args.step).map_err(CliError::input)?;
+    let library = args.library.clone().map_or_else(find_library, Ok).map_err(CliError::usage)?;
+    let bytes = std::fs::read(&library).map_err(|e| CliError::usage(format!("{}: {e}", library.display())))?;
+    let version = if args.fmi == 2 { Version::Two } else { Version::Three };
+    let archive = export.archive(version, &bytes).map_err(CliError::not_stored)?;
+    store(&args.output, &archive)?;
+    for text in export.notes() {
+        note(&format!("note: {text}"));
+    }
+    note(&format!("{}: FMI {}.0 for co-simulation, linux64 only, {} kB", args.output.display(), args.fmi, archive.len() / 1000));
+    Ok(exit::DONE)
+}
+
+/// The model as JSON: the valve file, key by key; `hil schema valve` describes it.
+fn json(args: &ExportArgs) -> CliResult {
+    let (path, text) = model(args)?;
+    let valve = Valve::from_toml(&text, &path.display().to_string()).map_err(CliError::input)?;
+    let table: toml::Table = toml::from_str(&valve.to_toml()).map_err(|e| CliError { code: exit::INTERNAL, message: e.to_string() })?;
+    store(&args.output, super::to_json(&table)?.as_bytes())?;
+    note(&format!("{}: the model, described by `hil schema valve`", args.output.display()));
+    Ok(exit::DONE)
+}
+
+fn store(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    replace_file(path, |file| file.write_all(bytes)).map_err(CliError::not_stored)
+}

@@ -1,0 +1,9 @@
+//! What leaves the house in other trades' formats: AQDEF for the quality department, FMI for simulation tools.
+//!
+//! Nothing here judges or computes a figure: an export shows what a record or a model already holds.
+
+pub mod aqdef;
+mod error;
+pub mod fmu;
+
+pub use error::ExchangeError;
