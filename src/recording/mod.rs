@@ -5,6 +5,7 @@
 
 mod cell;
 mod clean;
+mod columns;
 mod csv;
 mod error;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use std::path::Path;
 /// Most values of all channels of a recording together: a day of five channels at 100 Hz, 350 MB while they are read.
 pub const MOST_VALUES: u64 = 45_000_000;
 
+pub use columns::ColumnValues;
 pub use error::RecordingError;
 pub use mapping::{Mapping, Role};
 pub use table::{Column, Values, write_parquet};
