@@ -35,6 +35,8 @@ mod paper;
 mod probe;
 mod progress;
 mod run;
+#[cfg(all(unix, feature = "fmi"))]
+mod run_fmu;
 mod run_folder;
 mod schema;
 mod shard;
@@ -200,6 +202,10 @@ enum Command {
         after_help = "Examples:\n  hil export valve.toml -o valve.fmu\n  hil export paper -o paper.fmu --fmi 3 --step \"1 ms\"\n  hil export paper -o paper.json\n  hil export reports/runs/lot-7 -o lot.dfq\n\nThe ending of the output decides."
     )]
     Export(export::ExportArgs),
+    /// The child process of a foreign FMU: its task on stdin, the pressures on stdout.
+    #[cfg(all(unix, feature = "fmi"))]
+    #[command(hide = true)]
+    RunFmu,
     /// Explain a metric, an effect, a margin, or a key of a plan or of a valve file.
     #[command(after_help = "Examples:\n  hil explain\n  hil explain settling_time\n  hil explain \"gain margin\"")]
     Explain(explain::ExplainArgs),
@@ -253,6 +259,8 @@ pub fn main() -> u8 {
         Command::Accept(args) => accept::run(&args),
         Command::Paper(args) => paper::run(&args),
         Command::Export(args) => export::run(&args),
+        #[cfg(all(unix, feature = "fmi"))]
+        Command::RunFmu => run_fmu::run(),
         Command::Explain(args) => explain::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Completions(args) => completions::run(&args),

@@ -49,7 +49,7 @@ impl Lot {
     pub fn read(batch: &Path, part: Option<&str>) -> Result<Self, ExchangeError> {
         let header = store::read_header(batch)?;
         let tally = store::load(batch)?.tally;
-        let mut circumstances = circumstances(batch)?;
+        let mut circumstances = circumstances(batch, header.station.as_ref())?;
         let (mut valves, mut not_judged) = (Vec::new(), 0);
         for attempt in tally.valves().map(deciding) {
             if attempt.judged() {
@@ -193,12 +193,13 @@ fn line(text: &mut String, key: &str, number: Option<usize>, value: &str) {
 }
 
 /// Time, station and operator of every attempt, from the journal.
-fn circumstances(batch: &Path) -> Result<BTreeMap<(usize, u32), Circumstances>, ExchangeError> {
+fn circumstances(batch: &Path, common: Option<&serde_json::Value>) -> Result<BTreeMap<(usize, u32), Circumstances>, ExchangeError> {
     let mut all = BTreeMap::new();
     journal::read(batch, |_, line| {
         if let (Kind::Finished, Some(record)) = (line.event, line.record) {
             let provenance = record.provenance.unwrap_or_default();
-            let text = |key: &str| provenance.station.as_ref()?.get(key)?.as_str().map(String::from);
+            // What all attempts share stands in the head of the batch.
+            let text = |key: &str| provenance.station.as_ref().or(common)?.get(key)?.as_str().map(String::from);
             let started = if provenance.started.is_empty() { line.at } else { provenance.started.clone() };
             let of = Circumstances { started, station: text("id"), operator: text("operator") };
             all.entry((line.position, line.attempt)).or_insert(of);

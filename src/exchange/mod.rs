@@ -4,6 +4,9 @@
 
 pub mod aqdef;
 mod error;
+#[cfg(feature = "fmi")]
 pub mod fmu;
+#[cfg(all(unix, feature = "fmi"))]
+pub mod foreign;
 
 pub use error::ExchangeError;
