@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::outputs::{Force, VALVE};
 use super::{CliError, CliResult, exit, note};
 use crate::exchange::aqdef::Lot;
 use crate::exchange::fmu::{Export, Version, find_library};
-use crate::recording::replace_file;
+use crate::output::{Mark, Outputs, whole_file};
 use crate::units::Time;
 use crate::valve::Valve;
 
@@ -32,11 +33,16 @@ pub struct ExportArgs {
     /// The part number to hand over, where a batch holds several
     #[arg(long, value_name = "NUMBER")]
     part: Option<String>,
+    /// Whether an existing file may be replaced.
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Writes the file.
 pub fn run(args: &ExportArgs) -> CliResult {
     let ending = args.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let mark = if ending == "json" { VALVE } else { Mark::None };
+    let _claim = Outputs::new(args.force.force).reads([&args.source]).file(Some(&args.output), mark).claim()?;
     match ending.as_str() {
         "dfq" => lot(args),
         "fmu" => fmu(args),
@@ -88,5 +94,5 @@ fn json(args: &ExportArgs) -> CliResult {
 }
 
 fn store(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    replace_file(path, |file| file.write_all(bytes)).map_err(CliError::not_stored)
+    whole_file(path, |file| file.write_all(bytes)).map_err(CliError::not_stored)
 }
