@@ -9,7 +9,8 @@ use super::outputs::{Force, VALVE};
 use super::{CliError, CliResult, exit, note};
 use crate::exchange::aqdef::Lot;
 use crate::exchange::fmu::{Export, Version, find_library};
-use crate::output::{Mark, Outputs, whole_file};
+use crate::output::{Mark, Outputs};
+use crate::recording::replace_file;
 use crate::units::Time;
 use crate::valve::Valve;
 
@@ -94,5 +95,5 @@ fn json(args: &ExportArgs) -> CliResult {
 }
 
 fn store(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    whole_file(path, |file| file.write_all(bytes)).map_err(CliError::not_stored)
+    replace_file(path, |file| file.write_all(bytes)).map_err(CliError::not_stored)
 }

@@ -55,7 +55,7 @@ impl ForeignFmu {
         let mut left = LARGEST;
         for at in 0..zip.len() {
             let mut entry = zip.by_index(at).map_err(|e| wrong(e.to_string()))?;
-            let inside = entry.enclosed_name().ok_or_else(|| wrong(format!("its entry `{}` leads out of the archive", entry.name())))?;
+            let inside = entry.enclosed_name().ok_or_else(|| wrong(format!("its entry number {at} leads out of the archive")))?;
             let target = folder.join(inside);
             if entry.is_dir() {
                 std::fs::create_dir_all(&target).map_err(|e| wrong(e.to_string()))?;

@@ -202,7 +202,8 @@ impl Description {
                 let fits: Vec<&Variable> = among.iter().filter(|v| matches!(self.conversion(v, wanted), Some(Some(_)))).collect();
                 let by_name = || among.iter().find(|v| wanted.names.contains(&v.name.to_ascii_lowercase().as_str()));
                 match (among, fits.as_slice()) {
-                    ([one], _) | (_, [one]) => one,
+                    ([one], _) => one,
+                    (_, [one]) => *one,
                     _ => by_name().ok_or_else(|| format!("which is the {}? Name one of: {}", wanted.what, listed()))?,
                 }
             }
