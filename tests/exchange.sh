@@ -16,6 +16,9 @@ hil=$PWD/target/release/hil
 cargo build --locked --release -p hil-fmu
 ls -l target/release/libhil_fmu.so
 
+echo "== the library inside an FMU"
+cargo test --locked -p hil-fmu
+
 echo "== models as FMUs"
 "$python" tests/peers/models.py "$work/models"
 "$python" tests/peers/fmu.py "$hil" target/release/libhil_fmu.so "$work/fmu" "$work"/models/*.toml
@@ -34,6 +37,6 @@ HIL=$hil "$python" -m pytest -q python/tests
 import nbformat
 from nbclient import NotebookClient
 notebook = nbformat.read("python/examples/diagnosis.ipynb", as_version=4)
-NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": "python/examples"}}).execute()
 print("notebook:", len(notebook.cells), "cells")
 NOTEBOOK

@@ -1,8 +1,6 @@
-"""Writes one valve file per effect that the program knows, with values in the middle of what physics allows.
+"""Writes valve files with effects of every stage; the tests of `fmu/` try all effects, without a foreign importer.
 
     python models.py FOLDER
-
-The values stand here by hand, since a test that asked the program for them would try what the program likes.
 """
 import sys
 from pathlib import Path
@@ -24,7 +22,7 @@ descending = [-40.01, 83.32, -1.3, -2.41]
 
 EFFECTS = {
     "plain": "",
-    "transport_delay": 'delay = "15 ms"',
+    "transport_delay": 'extra = "15 ms"',
     "first_order_lag": 'tau = "45 ms"',
     "second_order_resonance": 'frequency = "8 Hz", damping = "0.3"',
     "flow_limit": 'rise = "60 bar/s", fall = "50 bar/s"',
@@ -32,8 +30,8 @@ EFFECTS = {
     "supply_saturation": 'limit = "16 bar"',
     "reference_drift": 'gain = "4 %", tau = "60 s"',
     "reference_shift": 'gain = "4 %"',
-    "leakage": 'share = "5 %"',
-    "creep": 'share = "5 %", tau = "3 s"',
+    "leakage": 'loss = "1 bar"',
+    "creep": 'gain = "5 %", tau = "3 s", spread = "1"',
     "sensor_lag": 'tau = "30 ms"',
     "sensor_quantization": 'step = "0.1 bar"',
 }

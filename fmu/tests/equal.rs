@@ -1,0 +1,166 @@
+//! The FMU gives what the library gives: every effect, step by step, two instances side by side.
+
+use hil::exchange::fmu::{CURRENT_IN, PRESSURE_OUT, SEED, variables};
+use hil::physics::{EFFECTS, simulate, specification};
+use hil::valve::{Input, Valve};
+use hil_fmu::Instance;
+
+const STEP_S: f64 = 0.01;
+/// What the FMU may differ from the simulation of the whole [bar].
+const ALLOWED: f64 = 1e-9;
+
+fn paper() -> Valve {
+    Valve::from_toml(include_str!("../../valves/paper.toml"), "paper.toml").unwrap()
+}
+
+/// Steps, then a triangle [A].
+fn drive() -> Vec<f64> {
+    (0..3000).map(|k| if k < 1500 { [0.3, 0.8, 0.45, 0.6][k / 100 % 4] } else { 0.2 + 0.6 * (f64::from(k as u32 % 400) / 200.0 - 1.0).abs() }).collect()
+}
+
+fn begun(valve: Valve, first_a: f64) -> Instance {
+    let mut instance = Instance::of(valve, STEP_S).unwrap();
+    instance.enter_initialization().unwrap();
+    instance.set_real(CURRENT_IN, first_a).unwrap();
+    instance.exit_initialization().unwrap();
+    instance
+}
+
+fn run(instance: &mut Instance, current_a: &[f64]) -> Vec<f64> {
+    let mut pressure = vec![instance.real(PRESSURE_OUT).unwrap()];
+    for (k, current) in current_a[..current_a.len() - 1].iter().enumerate() {
+        instance.set_real(CURRENT_IN, *current).unwrap();
+        instance.do_step(k as f64 * STEP_S, STEP_S).unwrap();
+        pressure.push(instance.real(PRESSURE_OUT).unwrap());
+    }
+    pressure
+}
+
+fn difference(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn every_effect_as_the_library_simulates_it() {
+    let current = drive();
+    let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * STEP_S).collect();
+    let plain = simulate(&paper(), Input::Held, &time, &current).unwrap();
+    let mut acted = 0;
+    for effect in EFFECTS {
+        let theta: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(p.starts[0])).collect();
+        let valve = Valve { effects: vec![specification(*effect, &theta)], ..paper() };
+        let whole = simulate(&valve, Input::Held, &time, &current).unwrap();
+        let stepped = run(&mut begun(valve, current[0]), &current);
+        let off = difference(&whole, &stepped);
+        assert!(off <= ALLOWED, "{}: {off:e} bar", effect.id());
+        acted += usize::from(difference(&whole, &plain) > 1e-3);
+    }
+    // A comparison of effects that do nothing would show nothing.
+    assert!(acted > EFFECTS.len() / 2, "{acted} effects acted");
+}
+
+#[test]
+fn two_instances_know_nothing_of_each_other() {
+    let current = drive();
+    let alone = run(&mut begun(paper(), current[0]), &current);
+    let (mut first, mut second) = (begun(paper(), current[0]), begun(paper(), 0.9));
+    let mut pressure = vec![first.real(PRESSURE_OUT).unwrap()];
+    for (k, value) in current[..current.len() - 1].iter().enumerate() {
+        first.set_real(CURRENT_IN, *value).unwrap();
+        second.set_real(CURRENT_IN, 1.0 - value).unwrap();
+        first.do_step(k as f64 * STEP_S, STEP_S).unwrap();
+        second.do_step(k as f64 * STEP_S, STEP_S).unwrap();
+        pressure.push(first.real(PRESSURE_OUT).unwrap());
+    }
+    assert_eq!(pressure, alone);
+}
+
+#[test]
+fn long_steps_of_the_master_are_steps_of_the_model() {
+    let mut fine = begun(paper(), 0.3);
+    let mut coarse = begun(paper(), 0.3);
+    for k in 0..50u32 {
+        let level = [0.3, 0.7][k as usize % 2];
+        coarse.set_real(CURRENT_IN, level).unwrap();
+        coarse.do_step(f64::from(k) * 0.05, 0.05).unwrap();
+        for j in 0..5u32 {
+            fine.set_real(CURRENT_IN, level).unwrap();
+            fine.do_step(f64::from(5 * k + j) * STEP_S, STEP_S).unwrap();
+        }
+        assert_eq!(fine.real(PRESSURE_OUT), coarse.real(PRESSURE_OUT));
+    }
+}
+
+#[test]
+fn a_parameter_changed_in_mid_run_acts_as_if_it_had_always_been_so() {
+    let current = drive();
+    let lag = variables(&paper()).unwrap().into_iter().find(|v| v.name == "lag").unwrap().reference;
+    let mut changed = begun(paper(), current[0]);
+    run(&mut changed, &current[..1000]);
+    changed.set_real(lag, 0.08).unwrap();
+    let expected = run(&mut begun(Valve { lag_s: 0.08, ..paper() }, current[0]), &current[..1000]);
+    assert_eq!(changed.real(PRESSURE_OUT).unwrap(), *expected.last().unwrap());
+    assert_eq!(changed.real(lag).unwrap(), 0.08);
+}
+
+#[test]
+fn noise_needs_a_seed_and_follows_it() {
+    let seeded = |seed: i32| {
+        let mut instance = Instance::of(paper(), STEP_S).unwrap();
+        instance.set_integer(SEED, seed).unwrap();
+        instance.enter_initialization().unwrap();
+        instance.set_real(CURRENT_IN, 0.5).unwrap();
+        instance.exit_initialization().unwrap();
+        run(&mut instance, &[0.5; 100])
+    };
+    assert_eq!(seeded(3), seeded(3));
+    assert_ne!(seeded(3), seeded(4));
+    let still = seeded(0);
+    assert!(still.windows(2).all(|w| (w[0] - w[1]).abs() < 1e-12));
+}
+
+#[test]
+fn what_the_interface_forbids_is_refused_and_changes_nothing() {
+    let mut instance = Instance::of(paper(), STEP_S).unwrap();
+    assert!(instance.do_step(0.0, STEP_S).is_err(), "a step before the initialisation");
+    assert!(instance.exit_initialization().is_err());
+    assert!(instance.terminate().is_err());
+    assert!(instance.real(PRESSURE_OUT).is_err());
+    instance.enter_initialization().unwrap();
+    assert!(instance.enter_initialization().is_err());
+    assert!(instance.set_real(CURRENT_IN, f64::NAN).is_err());
+    assert!(instance.set_real(PRESSURE_OUT, 1.0).is_err());
+    assert!(instance.set_real(9999, 1.0).is_err());
+    assert!(instance.real(9999).is_err());
+    assert!(instance.set_integer(SEED, -1).is_err());
+    instance.exit_initialization().unwrap();
+    let before = instance.real(PRESSURE_OUT).unwrap();
+    for (now_s, step_s) in [(0.5, STEP_S), (f64::NAN, STEP_S), (0.0, 0.0), (0.0, -STEP_S), (0.0, 0.4 * STEP_S), (0.0, f64::NAN), (0.0, f64::INFINITY)] {
+        assert!(instance.do_step(now_s, step_s).is_err(), "{now_s} {step_s}");
+    }
+    assert!(instance.set_integer(SEED, 1).is_err(), "a seed in mid-run");
+    assert_eq!(instance.real(PRESSURE_OUT).unwrap(), before);
+    instance.do_step(0.0, STEP_S).unwrap();
+    instance.terminate().unwrap();
+    assert!(instance.do_step(STEP_S, STEP_S).is_err());
+    assert!(instance.set_real(CURRENT_IN, 0.5).is_err());
+    instance.reset().unwrap();
+    instance.enter_initialization().unwrap();
+    instance.exit_initialization().unwrap();
+}
+
+#[test]
+fn a_model_that_is_not_that_of_the_description_is_refused() {
+    let folder = std::env::temp_dir().join(format!("hil-fmu-test-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let text = include_str!("../../valves/paper.toml");
+    std::fs::write(folder.join("valve.toml"), text).unwrap();
+    std::fs::write(folder.join("step.txt"), "0.01").unwrap();
+    let token = hil::exchange::fmu::token(text, 0.01);
+    assert!(Instance::new(&folder, &token).is_ok());
+    assert!(Instance::new(&folder, "another").is_err());
+    std::fs::write(folder.join("step.txt"), "nan").unwrap();
+    assert!(Instance::new(&folder, &token).is_err());
+    std::fs::remove_dir_all(&folder).unwrap();
+}
