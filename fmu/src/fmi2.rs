@@ -174,7 +174,10 @@ pub extern "C" fn fmi2GetInteger(handle: *mut c_void, references: *const u32, co
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2SetInteger(handle: *mut c_void, references: *const u32, count: usize, values: *const c_int) -> c_int {
     call(handle, |instance| {
-        read(references, count)?.iter().zip(read(values, count)?).try_for_each(|(reference, value)| instance.set_integer(*reference, *value))
+        read(references, count)?
+            .iter()
+            .zip(read(values, count)?)
+            .try_for_each(|(reference, value)| instance.set_integer(*reference, *value))
     })
 }
 
@@ -235,7 +238,8 @@ mod tests {
 
     #[test]
     fn a_location_is_read_in_all_its_spellings() {
-        for text in ["file:///tmp/a%20b/resources", "file:/tmp/a b/resources", "file://localhost/tmp/a%20b/resources", "/tmp/a b/resources"] {
+        for text in ["file:///tmp/a%20b/resources", "file:/tmp/a b/resources", "file://localhost/tmp/a%20b/resources", "/tmp/a b/resources"]
+        {
             assert_eq!(folder_of(text), PathBuf::from("/tmp/a b/resources"), "{text}");
         }
         assert_eq!(folder_of("file:///tmp/100%"), PathBuf::from("/tmp/100%"));

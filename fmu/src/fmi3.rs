@@ -170,7 +170,10 @@ pub extern "C" fn fmi3GetInt32(handle: *mut c_void, references: *const u32, coun
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetInt32(handle: *mut c_void, references: *const u32, count: usize, values: *const i32, _values: usize) -> c_int {
     call(handle, |instance| {
-        read(references, count)?.iter().zip(read(values, count)?).try_for_each(|(reference, value)| instance.set_integer(*reference, *value))
+        read(references, count)?
+            .iter()
+            .zip(read(values, count)?)
+            .try_for_each(|(reference, value)| instance.set_integer(*reference, *value))
     })
 }
 

@@ -15,7 +15,9 @@ fn paper() -> Valve {
 
 /// Steps, then a triangle [A].
 fn drive() -> Vec<f64> {
-    (0..3000).map(|k| if k < 1500 { [0.3, 0.8, 0.45, 0.6][k / 100 % 4] } else { 0.2 + 0.6 * (f64::from(k as u32 % 400) / 200.0 - 1.0).abs() }).collect()
+    (0..3000)
+        .map(|k| if k < 1500 { [0.3, 0.8, 0.45, 0.6][k / 100 % 4] } else { 0.2 + 0.6 * (f64::from(k as u32 % 400) / 200.0 - 1.0).abs() })
+        .collect()
 }
 
 fn begun(valve: Valve, first_a: f64) -> Instance {
@@ -136,7 +138,9 @@ fn what_the_interface_forbids_is_refused_and_changes_nothing() {
     assert!(instance.set_integer(SEED, -1).is_err());
     instance.exit_initialization().unwrap();
     let before = instance.real(PRESSURE_OUT).unwrap();
-    for (now_s, step_s) in [(0.5, STEP_S), (f64::NAN, STEP_S), (0.0, 0.0), (0.0, -STEP_S), (0.0, 0.4 * STEP_S), (0.0, f64::NAN), (0.0, f64::INFINITY)] {
+    for (now_s, step_s) in
+        [(0.5, STEP_S), (f64::NAN, STEP_S), (0.0, 0.0), (0.0, -STEP_S), (0.0, 0.4 * STEP_S), (0.0, f64::NAN), (0.0, f64::INFINITY)]
+    {
         assert!(instance.do_step(now_s, step_s).is_err(), "{now_s} {step_s}");
     }
     assert!(instance.set_integer(SEED, 1).is_err(), "a seed in mid-run");

@@ -222,13 +222,15 @@ def simulate(
     *,
     step_s: float = 0.01,
     time: npt.ArrayLike | None = None,
+    input: str = "held",  # noqa: A002 - the word of the command line
 ) -> npt.NDArray[np.float64]:
     """Simulated pressure [bar], shape (n,), of a current [A], shape (n,).
 
     step_s: time between two samples [s]; or time: that of each sample [s], increasing, shape (n,).
+    input: ``"held"``, the command stands until the next sample, or ``"ramp"``, it goes there on a line.
     A float64 array is read in place. Raises ModelError.
     """
     wanted = np.ascontiguousarray(current, dtype=np.float64)
     if time is None:
-        return _hil.simulate_even(model._model, step_s, wanted)
-    return _hil.simulate_at(model._model, np.ascontiguousarray(time, dtype=np.float64), wanted)
+        return _hil.simulate_even(model._model, input, step_s, wanted)
+    return _hil.simulate_at(model._model, input, np.ascontiguousarray(time, dtype=np.float64), wanted)

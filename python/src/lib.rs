@@ -29,7 +29,9 @@ pub(crate) fn waited<T: Send + 'static>(python: Python<'_>, work: impl FnOnce() 
         match python.detach(|| receive.recv_timeout(LOOK)) {
             Ok(value) => return Ok(value),
             Err(mpsc::RecvTimeoutError::Timeout) => python.check_signals()?,
-            Err(mpsc::RecvTimeoutError::Disconnected) => return Err(HilError::new_err("this is a bug in hil: the work ended without an answer")),
+            Err(mpsc::RecvTimeoutError::Disconnected) => {
+                return Err(HilError::new_err("this is a bug in hil: the work ended without an answer"));
+            }
         }
     }
 }
@@ -143,9 +145,16 @@ impl Model {
 
 /// Simulated pressure [bar] of a current [A] every `dt_s` seconds.
 #[pyfunction]
-fn simulate_even<'py>(python: Python<'py>, model: &Model, dt_s: f64, current_a: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+fn simulate_even<'py>(
+    python: Python<'py>,
+    model: &Model,
+    input: &str,
+    dt_s: f64,
+    current_a: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let input = work::input(input).map_err(ModelError::new_err)?;
     let current = current_a.as_slice()?;
-    let pressure = python.detach(|| work::simulate_even(&model.valve, dt_s, current)).map_err(ModelError::new_err)?;
+    let pressure = python.detach(|| work::simulate_even(&model.valve, input, dt_s, current)).map_err(ModelError::new_err)?;
     Ok(PyArray1::from_vec(python, pressure))
 }
 
@@ -154,11 +163,14 @@ fn simulate_even<'py>(python: Python<'py>, model: &Model, dt_s: f64, current_a: 
 fn simulate_at<'py>(
     python: Python<'py>,
     model: &Model,
+    input: &str,
     time_s: PyReadonlyArray1<'py, f64>,
     current_a: PyReadonlyArray1<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let input = work::input(input).map_err(ModelError::new_err)?;
     let (time, current) = (time_s.as_slice()?, current_a.as_slice()?);
-    let pressure = python.detach(|| hil::physics::simulate(&model.valve, time, current)).map_err(|e| ModelError::new_err(e.to_string()))?;
+    let pressure =
+        python.detach(|| hil::physics::simulate(&model.valve, input, time, current)).map_err(|e| ModelError::new_err(e.to_string()))?;
     Ok(PyArray1::from_vec(python, pressure))
 }
 

@@ -1,10 +1,10 @@
 //! What the library does for a call, free of Python.
 
 use hil::identify::{HysteresisChoice, Options};
-use hil::physics::Pipeline;
+use hil::physics::{Pipeline, Signals};
 use hil::recording::Recording;
 use hil::report;
-use hil::valve::Valve;
+use hil::valve::{Input, Valve};
 
 /// An answer in all its forms.
 pub struct Answer {
@@ -29,6 +29,15 @@ pub fn options(hysteresis: Option<&str>, order: Option<usize>, name: Option<Stri
     Ok(Options { name, order, hysteresis, sha256: None })
 }
 
+/// What the command does between its samples.
+pub fn input(name: &str) -> Result<Input, String> {
+    match name {
+        "held" => Ok(Input::Held),
+        "ramp" => Ok(Input::Ramp),
+        other => Err(format!("input `{other}`: \"held\" and \"ramp\" are allowed")),
+    }
+}
+
 /// Identifies.
 pub fn identify(recording: &Recording, options: &Options) -> Result<Answer, String> {
     let found = hil::identify::identify(recording, options).map_err(|e| e.to_string())?;
@@ -46,7 +55,7 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Answer, String> 
 }
 
 /// Simulates an even grid without a column of times.
-pub fn simulate_even(valve: &Valve, dt_s: f64, current_a: &[f64]) -> Result<Vec<f64>, String> {
+pub fn simulate_even(valve: &Valve, input: Input, dt_s: f64, current_a: &[f64]) -> Result<Vec<f64>, String> {
     if !(dt_s.is_finite() && dt_s > 0.0) {
         return Err(format!("step {dt_s} s: a positive time is allowed"));
     }
@@ -54,9 +63,9 @@ pub fn simulate_even(valve: &Valve, dt_s: f64, current_a: &[f64]) -> Result<Vec<
         return Err(format!("current[{at}] is {}: finite values are allowed; give `time` where samples are missing", current_a[at]));
     }
     let (mut work, mut pressure) = (Vec::new(), Vec::new());
-    let pipeline = Pipeline::of(valve).map_err(|e| e.to_string())?;
+    let pipeline = Pipeline { input, ..Pipeline::of(valve).map_err(|e| e.to_string())? };
     if !current_a.is_empty() {
-        pipeline.run(0.0, dt_s, current_a, &mut work, &mut pressure);
+        pipeline.run(0.0, dt_s, &Signals::current(current_a), &mut work, &mut pressure);
     }
     match pressure.iter().position(|p| !p.is_finite()) {
         Some(at) => Err(format!("the pressure at sample {at} is not finite")),

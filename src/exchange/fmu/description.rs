@@ -141,7 +141,8 @@ fn variables(sink: &mut Sink, export: &Export, version: Version) -> Written {
 
 /// One variable: in FMI 2 the type is an element inside, in FMI 3 it is the element.
 fn scalar(sink: &mut Sink, version: Version, kind: (&str, &str), head: &[(&str, &str)], value: &[(&str, &str)], computed: bool) -> Written {
-    let initial = computed.then_some(("initial", "calculated")).or(head.contains(&("causality", "parameter")).then_some(("initial", "exact")));
+    let initial =
+        computed.then_some(("initial", "calculated")).or(head.contains(&("causality", "parameter")).then_some(("initial", "exact")));
     let head = head.iter().copied().chain(initial);
     if version == Version::Three {
         return sink.create_element(kind.1).with_attributes(head.chain(value.iter().copied())).write_empty().map(drop);
@@ -154,7 +155,8 @@ fn scalar(sink: &mut Sink, version: Version, kind: (&str, &str), head: &[(&str, 
 /// The outputs: none follows the input at once, as the command acts from the begin of a step.
 fn structure(sink: &mut Sink, variables: &[Variable], version: Version) -> Written {
     let outputs = || variables.iter().enumerate().filter(|(_, v)| v.causality == Causality::Output);
-    let places: Vec<String> = outputs().map(|(k, v)| if version == Version::Two { k + 1 } else { v.reference as usize }.to_string()).collect();
+    let places: Vec<String> =
+        outputs().map(|(k, v)| if version == Version::Two { k + 1 } else { v.reference as usize }.to_string()).collect();
     if version == Version::Three {
         for (element, place) in ["Output", "InitialUnknown"].iter().flat_map(|e| places.iter().map(move |p| (e, p))) {
             sink.create_element(*element).with_attribute(("valueReference", place.as_str())).write_empty()?;

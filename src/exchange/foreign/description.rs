@@ -197,7 +197,9 @@ impl Description {
             if all.is_empty() { "none".into() } else { all }
         };
         let chosen = match named {
-            Some(name) => among.iter().find(|v| v.name == name).ok_or_else(|| format!("no {} `{name}`; there are: {}", wanted.what, listed()))?,
+            Some(name) => {
+                among.iter().find(|v| v.name == name).ok_or_else(|| format!("no {} `{name}`; there are: {}", wanted.what, listed()))?
+            }
             None => {
                 let fits: Vec<&Variable> = among.iter().filter(|v| matches!(self.conversion(v, wanted), Some(Some(_)))).collect();
                 let by_name = || among.iter().find(|v| wanted.names.contains(&v.name.to_ascii_lowercase().as_str()));
@@ -223,7 +225,8 @@ impl Description {
             return Some(None);
         }
         if let Some(unit) = self.units.get(&variable.unit).filter(|u| !u.exponents.is_empty()) {
-            let same = unit.exponents.len() == wanted.exponents.len() && wanted.exponents.iter().all(|(n, e)| unit.exponents.get(*n) == Some(e));
+            let same =
+                unit.exponents.len() == wanted.exponents.len() && wanted.exponents.iter().all(|(n, e)| unit.exponents.get(*n) == Some(e));
             return same.then_some(Some((unit.factor * wanted.ours_per_si, unit.offset * wanted.ours_per_si)));
         }
         let (_, _, si) = KNOWN.iter().find(|(name, what, _)| *name == variable.unit && *what == wanted.what)?;
@@ -299,7 +302,11 @@ mod tests {
         let error = description.ports(None, Some("oil")).unwrap_err();
         assert!(error.contains("oil [degC] is no pressure"), "{error}");
         assert!(Description::parse("<fmiModelDescription fmiVersion='1.0'/>").unwrap_err().contains("2.0 and 3.0"));
-        assert!(Description::parse("<fmiModelDescription fmiVersion='2.0'><ModelExchange/></fmiModelDescription>").unwrap_err().contains("co-simulation"));
+        assert!(
+            Description::parse("<fmiModelDescription fmiVersion='2.0'><ModelExchange/></fmiModelDescription>")
+                .unwrap_err()
+                .contains("co-simulation")
+        );
         assert!(Description::parse("no xml at all <").is_err());
     }
 }

@@ -42,9 +42,11 @@ pub fn run(job: &Job) -> Result<Vec<f64>, String> {
     let library = unsafe { Library::new(&job.library) }.map_err(|e| format!("its library cannot be loaded: {e}"))?;
     // SAFETY: the types are those of the interface's header, which the description promises.
     unsafe {
-        let instantiate: Symbol<unsafe extern "C" fn(*const c_char, c_int, *const c_char, *const c_char, *const Callbacks, c_int, c_int) -> Component> =
-            symbol(&library, "fmi2Instantiate")?;
-        let set_up: Symbol<unsafe extern "C" fn(Component, c_int, f64, f64, c_int, f64) -> c_int> = symbol(&library, "fmi2SetupExperiment")?;
+        let instantiate: Symbol<
+            unsafe extern "C" fn(*const c_char, c_int, *const c_char, *const c_char, *const Callbacks, c_int, c_int) -> Component,
+        > = symbol(&library, "fmi2Instantiate")?;
+        let set_up: Symbol<unsafe extern "C" fn(Component, c_int, f64, f64, c_int, f64) -> c_int> =
+            symbol(&library, "fmi2SetupExperiment")?;
         let enter: Symbol<unsafe extern "C" fn(Component) -> c_int> = symbol(&library, "fmi2EnterInitializationMode")?;
         let exit: Symbol<unsafe extern "C" fn(Component) -> c_int> = symbol(&library, "fmi2ExitInitializationMode")?;
         let set: Symbol<unsafe extern "C" fn(Component, *const u32, usize, *const f64) -> c_int> = symbol(&library, "fmi2SetReal")?;
@@ -53,8 +55,13 @@ pub fn run(job: &Job) -> Result<Vec<f64>, String> {
         let terminate: Symbol<unsafe extern "C" fn(Component) -> c_int> = symbol(&library, "fmi2Terminate")?;
         let free_instance: Symbol<unsafe extern "C" fn(Component)> = symbol(&library, "fmi2FreeInstance")?;
 
-        let callbacks =
-            Callbacks { logger: log, allocate_memory: calloc, free_memory: free, step_finished: std::ptr::null(), environment: std::ptr::null_mut() };
+        let callbacks = Callbacks {
+            logger: log,
+            allocate_memory: calloc,
+            free_memory: free,
+            step_finished: std::ptr::null(),
+            environment: std::ptr::null_mut(),
+        };
         let text = |t: &str| CString::new(t).map_err(|e| e.to_string());
         let location = text(&format!("file://{}", percent(&job.resources.to_string_lossy())))?;
         let (name, token) = (text("base")?, text(&job.token)?);

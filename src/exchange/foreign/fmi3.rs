@@ -44,9 +44,11 @@ pub fn run(job: &Job) -> Result<Vec<f64>, String> {
     // SAFETY: the types are those of the interface's header, which the description promises.
     unsafe {
         let instantiate: Symbol<Instantiate> = symbol(&library, "fmi3InstantiateCoSimulation")?;
-        let enter: Symbol<unsafe extern "C" fn(Instance, bool, f64, f64, bool, f64) -> c_int> = symbol(&library, "fmi3EnterInitializationMode")?;
+        let enter: Symbol<unsafe extern "C" fn(Instance, bool, f64, f64, bool, f64) -> c_int> =
+            symbol(&library, "fmi3EnterInitializationMode")?;
         let exit: Symbol<unsafe extern "C" fn(Instance) -> c_int> = symbol(&library, "fmi3ExitInitializationMode")?;
-        let set: Symbol<unsafe extern "C" fn(Instance, *const u32, usize, *const f64, usize) -> c_int> = symbol(&library, "fmi3SetFloat64")?;
+        let set: Symbol<unsafe extern "C" fn(Instance, *const u32, usize, *const f64, usize) -> c_int> =
+            symbol(&library, "fmi3SetFloat64")?;
         let get: Symbol<unsafe extern "C" fn(Instance, *const u32, usize, *mut f64, usize) -> c_int> = symbol(&library, "fmi3GetFloat64")?;
         let step: Symbol<DoStep> = symbol(&library, "fmi3DoStep")?;
         let terminate: Symbol<unsafe extern "C" fn(Instance) -> c_int> = symbol(&library, "fmi3Terminate")?;
@@ -57,7 +59,20 @@ pub fn run(job: &Job) -> Result<Vec<f64>, String> {
         let folder = text(&format!("{}/", job.resources.to_string_lossy().trim_end_matches('/')))?;
         let (name, token) = (text("base")?, text(&job.token)?);
         let (nothing, none) = (std::ptr::null(), std::ptr::null_mut());
-        let model = instantiate(name.as_ptr(), token.as_ptr(), folder.as_ptr(), false, false, false, false, nothing, 0, none, log, std::ptr::null());
+        let model = instantiate(
+            name.as_ptr(),
+            token.as_ptr(),
+            folder.as_ptr(),
+            false,
+            false,
+            false,
+            false,
+            nothing,
+            0,
+            none,
+            log,
+            std::ptr::null(),
+        );
         if model.is_null() {
             return Err("fmi3InstantiateCoSimulation gave no instance".into());
         }
