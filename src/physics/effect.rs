@@ -74,6 +74,15 @@ pub struct Context {
     pub seed: Option<u64>,
 }
 
+/// A plainer effect inside another one.
+#[derive(Debug, Clone, Copy)]
+pub struct Nested {
+    /// Its id.
+    pub id: &'static str,
+    /// The values of the effect that holds it at which the two are the same.
+    pub same: fn(Theta<'_>) -> Vec<f64>,
+}
+
 /// What an effect is in the linear loop for which margins are judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinearForm {
@@ -122,6 +131,19 @@ pub trait Effect: Sync {
     fn parameters(&self) -> &'static [Parameter];
     /// The effect at work.
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block;
+
+    /// Whether a diagnosis tries it. A form that holds a plainer one, or that a recalibration stands in for, takes the name
+    /// of it wherever that is not quite exact; such a form is for models that are written by hand until its names have been
+    /// counted on concealed valves.
+    fn searched(&self) -> bool {
+        true
+    }
+
+    /// A plainer effect that it holds, and its own values at which it is the plainer one with these values: a fit of it can
+    /// never be worse than the plainer one's.
+    fn nested(&self) -> Option<Nested> {
+        None
+    }
 
     /// Dead time that it adds to that of the valve [s].
     fn dead_time_s(&self, _: Theta<'_>) -> f64 {

@@ -39,6 +39,20 @@ impl Flow {
     }
 }
 
+/// A linear lag from `output` behind an input on a straight line from `a` to `b` that lasts `q` time constants: its end,
+/// and its mean on the way. For time constants that change as they go; [`super::FirstOrder`] is for one that stays.
+#[inline]
+pub(super) fn along_line(output: f64, q: f64, a: f64, b: f64) -> (f64, f64) {
+    if q < 1e-9 {
+        return (output, output);
+    }
+    let left = (-q).exp();
+    // Weight of the begin of the line, from the exact answer to a ramp.
+    let early = if q > 1e-4 { (1.0 - left) / q - left } else { 0.5 * q };
+    let end = left * output + early * a + (1.0 - left - early) * b;
+    (end, 0.5 * (a + b) - (end - output) / q)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

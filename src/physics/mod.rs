@@ -4,6 +4,7 @@
 //! any model. `run --sim`, `simulate`, `identify` and `diagnose` all use this one pipeline.
 
 mod air_entrainment;
+mod asymmetric_lag;
 mod block;
 mod chain;
 mod coil_heating;
@@ -20,7 +21,9 @@ mod flow;
 mod flow_limit;
 mod leakage;
 mod linear;
+mod lost_messages;
 mod nonlocal_memory;
+mod oil_viscosity;
 mod periodic_disturbance;
 mod pipeline;
 mod plant;
@@ -33,20 +36,27 @@ mod resolve;
 mod reversal_dead_band;
 mod sag;
 mod second_order_resonance;
+mod sensor_dead_band;
 mod sensor_drift;
+mod sensor_gain;
 mod sensor_lag;
 mod sensor_outliers;
 mod sensor_quantization;
+mod sensor_zero;
 mod simulate;
+mod spool_friction;
 mod staircase;
 mod stiction;
+mod supply_accumulator;
 mod supply_saturation;
+mod thermal_gain;
+mod thermal_zero;
 mod transport_delay;
 
 pub use block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Step};
 pub use course::{Misfit, signals, simulate_course};
 pub use delay::{Delay, DelayLine};
-pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Parameter, Scatter, ScatterFinding, Stage, Theta};
+pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Nested, Parameter, Scatter, ScatterFinding, Stage, Theta};
 pub use error::PhysicsError;
 pub use linear::{FirstOrder, SecondOrder};
 pub use pipeline::Pipeline;
@@ -58,23 +68,33 @@ pub use simulate::{simulate, simulate_with};
 pub const EFFECTS: &[&dyn Effect] = &[
     &transport_delay::TransportDelay,
     &delay_jitter::DelayJitter,
+    &lost_messages::LostMessages,
     &coil_heating::CoilHeating,
     &reversal_dead_band::ReversalDeadBand,
     &stiction::Stiction,
+    &spool_friction::SpoolFriction,
     &nonlocal_memory::NonlocalMemory,
     &rate_dependent_hysteresis::RateDependentHysteresis,
     &reference_drift::ReferenceDrift,
     &reference_shift::ReferenceShift,
     &reference_shape::ReferenceShape,
     &leakage::Leakage,
+    &thermal_gain::ThermalGain,
     &supply_saturation::SupplySaturation,
+    &supply_accumulator::SupplyAccumulator,
     &fill_phase::FillPhase,
     &flow_limit::FlowLimit,
     &first_order_lag::FirstOrderLag,
+    &asymmetric_lag::AsymmetricLag,
+    &oil_viscosity::OilViscosity,
     &air_entrainment::AirEntrainment,
     &second_order_resonance::SecondOrderResonance,
     &creep::Creep,
     &sensor_lag::SensorLag,
+    &sensor_dead_band::SensorDeadBand,
+    &sensor_gain::SensorGain,
+    &sensor_zero::SensorZero,
+    &thermal_zero::ThermalZero,
     &sensor_drift::SensorDrift,
     &periodic_disturbance::PeriodicDisturbance,
     &sensor_outliers::SensorOutliers,

@@ -11,7 +11,7 @@
 //! Source: Doebelin, Measurement Systems, 5th ed., section 3.3 (first-order instruments).
 
 use super::block::Block;
-use super::effect::{Context, Effect, LinearForm, Parameter, Stage, Theta};
+use super::effect::{Context, Effect, LinearForm, Nested, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
 use crate::units::TIME;
 
@@ -47,6 +47,9 @@ impl Effect for SensorLag {
     }
     fn linear(&self, theta: Theta<'_>) -> Option<LinearForm> {
         Some(LinearForm { lag_s: theta[0], ..LinearForm::NEUTRAL })
+    }
+    fn nested(&self) -> Option<Nested> {
+        Some(Nested { id: "first_order_lag", same: |plain| vec![plain[0]] })
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         Block::dynamic(FirstOrder::new(theta[0], context.dt_s, context.arrival))

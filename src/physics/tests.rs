@@ -233,3 +233,21 @@ fn chambers_agree_with_their_equations_solved_in_steps_of_ten_microseconds() {
         }
     }
 }
+
+#[test]
+fn what_an_effect_holds_comes_out_of_it() {
+    let current = current();
+    let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
+    for effect in EFFECTS {
+        let Some(nested) = effect.nested() else { continue };
+        let plain = super::effect(nested.id).unwrap();
+        let values: Vec<f64> = plain.parameters().iter().map(|p| p.default.unwrap_or(p.starts[0])).collect();
+        let of = |effect: &dyn Effect, theta: &[f64]| {
+            simulate(&valve(vec![specification(effect, theta)]), Input::Held, &time, &current).unwrap()
+        };
+        let (plainer, same) = (of(plain, &values), of(*effect, &(nested.same)(&values)));
+        let squares: f64 = plainer.iter().zip(&same).map(|(a, b)| (a - b).powi(2)).sum();
+        let rms = (squares / plainer.len() as f64).sqrt();
+        assert!(rms < 5e-3, "{} as {}: {rms} bar", effect.id(), nested.id);
+    }
+}
