@@ -86,7 +86,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     for part in &args.without {
         take_out(&mut valve, part)?;
     }
-    let good = references(args, recording, &model, &valve, &map)?;
+    let good = references(args, recording, &model, &map)?;
     let recording = Recording::read(recording, &map).map_err(CliError::input)?;
     let diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
     let comparable = diagnosed.diagnosis.verdict != Verdict::NotComparable;
@@ -111,14 +111,26 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
 }
 
 /// Data of the good valve: what was named, otherwise what the model was identified from, as long as it is the same file.
-fn references(args: &DiagnoseArgs, record: &Path, model: &Path, valve: &Valve, map: &[Mapping]) -> Result<Vec<Recording>, CliError> {
+fn references(args: &DiagnoseArgs, record: &Path, model: &Path, map: &[Mapping]) -> Result<Vec<Recording>, CliError> {
     if !args.reference.is_empty() {
         return args.reference.iter().map(|path| Recording::read(path, map).map_err(CliError::input)).collect();
     }
-    let Some(block) = &valve.identification else { return Ok(Vec::new()) };
-    let path = model.with_file_name(&block.recording);
-    let same = block.sha256.is_some() && path != record && sha256(&path).ok() == block.sha256;
-    Ok(if same { Recording::read(&path, map).ok().into_iter().collect() } else { Vec::new() })
+    let kept = identified_from(model).into_iter().map(|(name, digest)| (model.with_file_name(name), digest));
+    let same = kept.filter(|(path, digest)| path != record && sha256(path).is_ok_and(|found| found == *digest));
+    Ok(same.filter_map(|(path, _)| Recording::read(&path, map).ok()).collect())
+}
+
+/// Names and digests of the recordings that a model was identified from, one or several, as its file lists them.
+fn identified_from(model: &Path) -> Vec<(String, String)> {
+    let table = std::fs::read_to_string(model).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let Some(block) = table.and_then(|mut t| t.remove("identification")) else { return Vec::new() };
+    let listed = |entry: &toml::Value, name: &str| {
+        let text = |key: &str| entry.get(key)?.as_str().map(str::to_owned);
+        Some((text(name)?, text("sha256")?))
+    };
+    let several: Vec<_> =
+        block.get("recordings").and_then(|all| all.as_array()).into_iter().flatten().filter_map(|entry| listed(entry, "name")).collect();
+    if several.is_empty() { listed(&block, "recording").into_iter().collect() } else { several }
 }
 
 /// Removes a part of a model, as if it had never been there.

@@ -158,7 +158,7 @@ fn what_does_not_belong_together_is_told_with_the_mapping_that_mends_it() {
         ("later than the model", &|r| pressure(r, &|p| p.rotate_right(200))),
         ("does not follow the current", &|r| pressure(r, &|p| (0..p.len()).for_each(|k| p.swap(k, (k * 7919 + 13) % 6000)))),
         ("does not follow the current", &|r| {
-            pressure(r, &|p| p.iter_mut().enumerate().for_each(|(k, v)| *v = 9.0 + ((k * 7919) % 101) as f64 / 50.0))
+            pressure(r, &|p| p.iter_mut().enumerate().for_each(|(k, v)| *v = 9.0 + ((k * 7919) % 101) as f64 / 10.0))
         }),
         ("stands still", &|r| pressure(r, &|p| p.iter_mut().for_each(|v| *v = 5.0))),
         ("hardly moves", &|r| {
