@@ -251,3 +251,34 @@ fn what_an_effect_holds_comes_out_of_it() {
         assert!(rms < 5e-3, "{} as {}: {rms} bar", effect.id(), nested.id);
     }
 }
+#[test]
+fn the_simulated_loop_turns_unstable_where_the_sampled_margins_say() {
+    // k = 0.04 bar/mA, tau = 10 ms, T_d = 40 ms at 100 Hz: K_P up to 27.50 mA/bar with K_I = 0, by the modified z-transform
+    // with one period of computation.
+    let text = r#"
+        schema = "hil.valve/1"
+        name = "straight"
+        current_limits = ["0 A", "1 A"]
+        hysteresis = "none"
+        delay = "40 ms"
+        lag = "10 ms"
+        [curve]
+        ascending = [40.0, 0.0]
+        descending = [40.0, 0.0]
+    "#;
+    let valve = Valve::from_toml(text, "straight").unwrap();
+    let swing_after = |kp_a_per_bar: f64| {
+        let mut plant = Plant::new(&valve, 0.01, 0.5, None).unwrap();
+        let (mut pressure, mut largest) = (plant.step(0.5), [0.0f64; 2]);
+        for k in 0..1200 {
+            let kick = if k == 0 { 1e-4 } else { 0.0 };
+            // What was measured in the last slot makes the command of this one.
+            pressure = plant.step(0.5 - kp_a_per_bar * (pressure - 20.0) + kick);
+            let part = usize::from(k >= 600);
+            largest[part] = largest[part].max((pressure - 20.0).abs());
+        }
+        largest[1] / largest[0]
+    };
+    assert!(swing_after(0.0272) < 1.0, "{}", swing_after(0.0272));
+    assert!(swing_after(0.0278) > 1.0, "{}", swing_after(0.0278));
+}
