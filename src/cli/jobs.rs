@@ -169,7 +169,9 @@ impl Teller {
         *told = Instant::now();
         let worked = p.done + p.unusable;
         let left = p.jobs - worked - p.skipped;
-        let seconds = self.started.elapsed().as_secs_f64() * left as f64 / worked.max(1) as f64;
+        // what was done before costs nothing worth counting, unless there is nothing else
+        let paced = if worked > 0 { worked } else { p.skipped.max(1) };
+        let seconds = self.started.elapsed().as_secs_f64() * left as f64 / paced as f64;
         anstream::eprintln!(
             "{} of {} jobs, {} unusable, about {:.0} min left",
             worked + p.skipped,

@@ -1,7 +1,7 @@
 //! What the rows say together: which group of valves, which effect, since when.
 //!
 //! A finding is an effect that is more frequent in one group (a value of a free column: lot, supplier, sensor) than
-//! in all others, beyond what chance makes of so many comparisons (Fisher's exact test, Holm's correction); where it
+//! in all others, beyond what chance makes of so many comparisons (Fisher's exact test, Bonferroni's correction); where it
 //! grows with a number (mileage, date) the onset is the split that separates best. An unknown rest that looks alike in
 //! many valves is one finding.
 
@@ -13,7 +13,7 @@ use crate::batch::statistics::wilson;
 /// Family-wise level of the comparisons.
 const LEVEL: f64 = 0.01;
 /// A column with more values than this tells single valves apart, not groups.
-const MOST_GROUPS: usize = 100;
+const MOST_GROUPS: usize = 2000;
 /// Fewer valves than this are no cluster.
 const LEAST_CLUSTER: usize = 5;
 
@@ -30,7 +30,7 @@ pub struct FleetFinding {
     pub inside: (usize, usize),
     /// How many of the others.
     pub outside: (usize, usize),
-    /// After Holm's correction.
+    /// After Bonferroni's correction for all comparisons.
     pub p_value: f64,
     /// Where it begins, by a number of the list: column, value, and how many valves before and after have it.
     pub onset: Option<Onset>,
@@ -103,38 +103,29 @@ fn counted(row: &Row) -> BTreeSet<String> {
     row.causes().map(|e| e.id.clone()).collect()
 }
 
-/// All findings, the surest first.
+/// All findings, the surest first. A group that is found is set aside for its effect before the next is looked for, so that a
+/// bad lot does not make its supplier bad.
 pub fn findings(rows: &[Row]) -> Vec<FleetFinding> {
     let rows: Vec<&Row> = rows.iter().filter(|r| r.status == Status::Done).collect();
     let counted: Vec<BTreeSet<String>> = rows.iter().map(|r| counted(r)).collect();
-    let total = |what: &String| counted.iter().filter(|c| c.contains(what)).count();
     let all: BTreeSet<&String> = counted.iter().flatten().collect();
-    let (mut tried, mut count): (Vec<FleetFinding>, usize) = (Vec::new(), 0);
-    for (column, groups) in groups(&rows) {
-        for (group, members) in groups {
-            for what in &all {
-                count += 1;
-                let k = members.iter().filter(|m| counted[**m].contains(*what)).count();
-                let (n, others) = (members.len(), rows.len() - members.len());
-                let outside = (total(what) - k, others);
-                if k == 0 || others == 0 || k * others <= outside.0 * n {
-                    continue;
-                }
-                let p_value = fisher((k, n), outside);
-                let onset = onset(&rows, &counted, &members, what);
-                let (column, group) = (Some(column.clone()), group.clone());
-                tried.push(FleetFinding { column, group, what: (*what).clone(), inside: (k, n), outside, p_value, onset });
-            }
+    let groups = groups(&rows);
+    let comparisons = (groups.iter().map(|g| g.1.len()).sum::<usize>() * all.len()) as f64;
+    let mut tried: Vec<FleetFinding> = Vec::new();
+    for what in &all {
+        let has: Vec<bool> = counted.iter().map(|c| c.contains(*what)).collect();
+        let mut aside = vec![false; rows.len()];
+        while let Some((column, group, members, found)) = surest(&groups, &has, &aside)
+            && found.p_value * comparisons < LEVEL
+        {
+            let onset = onset(&rows, &counted, members, what);
+            let p_value = (found.p_value * comparisons).min(1.0);
+            tried.push(FleetFinding { column: Some(column.clone()), group: group.clone(), what: (*what).clone(), onset, p_value, ..found });
+            members.iter().for_each(|m| aside[*m] = true);
         }
     }
-    // Holm: the smallest has to beat all comparisons, the next one fewer
     tried.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
-    let mut worst = 0.0_f64;
-    for (k, finding) in tried.iter_mut().enumerate() {
-        worst = worst.max((finding.p_value * (count - k) as f64).min(1.0));
-        finding.p_value = worst;
-    }
-    tried.retain(|f| f.p_value < LEVEL);
+    let total = |what: &String| counted.iter().filter(|c| c.contains(what)).count();
     for what in all.into_iter().filter(|w| w.starts_with("unknown, ") && total(w) >= LEAST_CLUSTER) {
         let inside = (total(what), rows.len());
         tried.push(FleetFinding {
@@ -151,6 +142,28 @@ pub fn findings(rows: &[Row]) -> Vec<FleetFinding> {
 }
 
 type Groups = BTreeMap<String, Vec<usize>>;
+
+/// The group in which an effect stands out most from all that are not set aside.
+fn surest<'a>(
+    groups: &'a [(String, Groups)],
+    has: &[bool],
+    aside: &[bool],
+) -> Option<(&'a String, &'a String, &'a Vec<usize>, FleetFinding)> {
+    let left = |m: &&usize| !aside[**m];
+    let everywhere = (has.iter().zip(aside).filter(|(h, a)| **h && !**a).count(), aside.iter().filter(|a| !**a).count());
+    let stands_out = |(column, group, members): (&'a String, &'a String, &'a Vec<usize>)| {
+        let inside = (members.iter().filter(left).filter(|m| has[**m]).count(), members.iter().filter(left).count());
+        let outside = (everywhere.0 - inside.0, everywhere.1 - inside.1);
+        if inside.0 == 0 || outside.1 == 0 || inside.0 * outside.1 <= outside.0 * inside.1 {
+            return None;
+        }
+        let p_value = fisher(inside, outside);
+        let found = FleetFinding { column: None, group: String::new(), what: String::new(), inside, outside, p_value, onset: None };
+        Some((column, group, members, found))
+    };
+    let each = groups.iter().flat_map(|(column, groups)| groups.iter().map(move |(group, members)| (column, group, members)));
+    each.filter_map(stands_out).min_by(|a, b| a.3.p_value.total_cmp(&b.3.p_value))
+}
 
 /// Columns that group, with the rows of each value. Numbers do not group.
 fn groups(rows: &[&Row]) -> Vec<(String, Groups)> {
@@ -271,6 +284,16 @@ mod tests {
         let onset = found[0].onset.as_ref().map(|o| (o.column.as_str(), o.before.0));
         assert_eq!(onset, Some(("mileage", 0)));
         assert!(found[0].onset.as_ref().is_some_and(|o| (59_000.0..79_000.0).contains(&o.at)), "{:?}", found[0].onset);
+    }
+
+    #[test]
+    fn a_bad_lot_does_not_make_its_supplier_bad() {
+        let mut rows = fleet(true);
+        for row in &mut rows {
+            let supplier = if row.tags["lot"].as_str() < "L10" { "north" } else { "south" };
+            row.tags.insert("supplier".into(), supplier.into());
+        }
+        assert_eq!(findings(&rows).iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
     }
 
     #[test]
