@@ -80,7 +80,7 @@ fn curves(out: &mut String, valve: &Valve) {
     let (least, most) = valve.curves.pressure_range_bar();
     let a = match valve.hysteresis {
         Hysteresis::Hyperbolic { a_bar2 } => format!("{a_bar2} bar^2, assumed"),
-        Hysteresis::None => "no hysteresis".into(),
+        other => format!("none: the hysteresis is {}", other.name()),
     };
     out.push_str("## Reference curves, Eq. (3)\n\n");
     table(

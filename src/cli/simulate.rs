@@ -146,6 +146,7 @@ fn described(valve: &Valve) -> String {
     let hysteresis = match valve.hysteresis {
         Hysteresis::None => "average",
         Hysteresis::Hyperbolic { .. } => "hyperbolic",
+        Hysteresis::Free(_) => "free",
     };
     std::iter::once(hysteresis).chain(valve.effects.iter().map(|e| e.id.as_str())).collect::<Vec<_>>().join(" + ")
 }

@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::valve::{Hysteresis, InverseState, ReferenceCurves, Valve};
+use crate::valve::{HysteresisInverse, ReferenceCurves, Valve};
 
 /// Which model the feed-forward inverts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FeedForwardModel {
-    /// The hyperbolic model, Eq. (11).
+    /// The model with its hysteresis: the hyperbola, Eq. (11), or the free loop of the valve file.
     #[default]
     Hyperbolic,
     /// The mean of the two curves, Eq. (10): what production controllers use.
@@ -20,19 +20,15 @@ pub enum FeedForwardModel {
 pub struct FeedForward {
     curves: ReferenceCurves,
     /// `None` for the average model, which has no memory.
-    inverse: Option<InverseState>,
+    inverse: Option<HysteresisInverse>,
     limits_a: (f64, f64),
 }
 
 impl FeedForward {
     /// The inverse of `model`, its memory at `current_a` and the pressure that the average curve gives there.
     pub fn new(model: FeedForwardModel, valve: &Valve, current_a: f64) -> Self {
-        let a_bar2 = match valve.hysteresis {
-            Hysteresis::Hyperbolic { a_bar2 } => Some(a_bar2),
-            Hysteresis::None => None,
-        };
         let inverse = match model {
-            FeedForwardModel::Hyperbolic => a_bar2.map(|a| InverseState::start(a, current_a, valve.curves.average_at(current_a))),
+            FeedForwardModel::Hyperbolic => valve.hysteresis.inverse(&valve.curves, current_a),
             FeedForwardModel::Average => None,
         };
         Self { curves: valve.curves.clone(), inverse, limits_a: valve.current_limits_a }
@@ -67,7 +63,7 @@ impl FeedForward {
 mod tests {
     use super::*;
     use crate::control::controller::tests::valve;
-    use crate::valve::HyperbolaState;
+    use crate::valve::{HyperbolaState, Hysteresis};
 
     #[test]
     fn the_inverse_reaches_the_wanted_pressure() {

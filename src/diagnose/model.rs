@@ -187,7 +187,7 @@ impl<'a> Model<'a> {
     pub fn calibrated(&self) -> Vec<f64> {
         let ln_a = match self.valve.hysteresis {
             Hysteresis::Hyperbolic { a_bar2 } => a_bar2.max(1e-6).ln(),
-            Hysteresis::None => 0.0,
+            Hysteresis::None | Hysteresis::Free(_) => 0.0,
         };
         let lag_s = self.valve.lag_s.min(self.lag_limit_s);
         vec![0.0, 0.0, 0.0, ln_a, self.valve.delay_s + lag_s, lag_s]
@@ -282,7 +282,7 @@ impl<'a> Model<'a> {
         let mut effects = self.fixed.clone();
         effects.extend(self.effects.iter().enumerate().map(|(k, e)| (*e, theta[self.place(k)].to_vec())));
         let hysteresis = match self.valve.hysteresis {
-            Hysteresis::None => Hysteresis::None,
+            other @ (Hysteresis::None | Hysteresis::Free(_)) => other,
             Hysteresis::Hyperbolic { .. } => Hysteresis::Hyperbolic { a_bar2: theta[3].exp() },
         };
         Pipeline {

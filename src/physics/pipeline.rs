@@ -7,7 +7,7 @@ use super::delay::Delay;
 use super::effect::{Context, Stage};
 use super::error::PhysicsError;
 use super::resolve::resolve;
-use crate::valve::{Hysteresis, Input, ReferenceCurves, Valve, hyperbola_stretches};
+use crate::valve::{Hysteresis, Input, ReferenceCurves, Valve};
 
 /// Most parts of a sample.
 const MOST_PARTS: f64 = 1000.0;
@@ -137,17 +137,7 @@ impl<'a> Pipeline<'a> {
     /// The static curve with its hysteresis. `start_share` is where the valve stands at first: 0 on the ascending curve,
     /// 1/2 on the average, 1 on the descending.
     pub fn static_curve(&self, start_share: f64, current_a: &[f64], pressure_bar: &mut [f64]) {
-        match (self.hysteresis, current_a.first()) {
-            (Hysteresis::Hyperbolic { a_bar2 }, Some(first)) => {
-                let (low, high) = (self.curves.ascending_at(*first), self.curves.descending_at(*first));
-                hyperbola_stretches(self.curves, a_bar2, low + start_share * (high - low), current_a, pressure_bar);
-            }
-            _ => {
-                for (i, p) in current_a.iter().zip(pressure_bar) {
-                    *p = self.curves.average_at(*i);
-                }
-            }
-        }
+        self.hysteresis.run(self.curves, start_share, current_a, pressure_bar);
     }
 
     /// The stages after the static curve.

@@ -9,14 +9,14 @@ use super::chain::Chain;
 use super::delay::{Delay, DelayLine};
 use super::error::PhysicsError;
 use super::pipeline::Pipeline;
-use crate::valve::{HyperbolaState, Hysteresis, ReferenceCurves, Valve};
+use crate::valve::{Hysteresis, HysteresisState, ReferenceCurves, Valve};
 
 /// A simulated valve: a command in, which it holds until the next one, and the pressure measured at the instant of the
 /// message.
 pub struct Plant {
     curves: ReferenceCurves,
     hysteresis: Hysteresis,
-    state: Option<HyperbolaState>,
+    state: Option<HysteresisState>,
     messages: Vec<Box<dyn Pointwise>>,
     delay: DelayLine,
     coil: Vec<Box<dyn Pointwise>>,
@@ -101,13 +101,11 @@ impl Plant {
         let sent = pass(&mut self.messages, command_a);
         let arrived = self.delay.step(sent);
         let current_a = pass(&mut self.coil, arrived);
-        if let (true, Hysteresis::Hyperbolic { a_bar2 }) = (settle, self.hysteresis) {
-            self.state = Some(HyperbolaState::start(a_bar2, current_a, self.curves.average_at(current_a)));
-        }
-        let mut pressure = [match &mut self.state {
-            Some(state) => state.advance(&self.curves, current_a),
-            None => self.curves.average_at(current_a),
-        }];
+        let state = match &mut self.state {
+            Some(state) => state,
+            state => state.insert(self.hysteresis.start(&self.curves, current_a)),
+        };
+        let mut pressure = [state.advance(&self.curves, current_a)];
         let channel = |value: &Option<f64>| value.map(|v| [v]);
         let (oil, supply) = (channel(&self.oil_temp_c), channel(&self.supply_bar));
         let at = Signals { current_a: &[current_a], oil_temp_c: oil.as_ref().map(|o| &o[..]), supply_bar: supply.as_ref().map(|s| &s[..]) };

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Hysteresis, Polynomial, ReferenceCurves, Valve, ValveError};
+use super::{FreeLoop, Hysteresis, MOST_PLAYS, Polynomial, ReferenceCurves, Valve, ValveError, WIDEST_PLAY};
 use crate::document;
 use crate::units::{Current, Pressure, PressureSquared, Time};
 
@@ -108,7 +108,7 @@ pub struct CurveFile {
     pub range: Option<(Current, Current)>,
 }
 
-/// The hysteresis as it is written: `"none"` or `{ hyperbolic = { a = ".." } }`.
+/// The hysteresis as it is written: `"none"`, `{ hyperbolic = { a = ".." } }` or `{ free = { half_widths = [..], weights = [..] } }`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum HysteresisFile {
@@ -118,6 +118,13 @@ pub enum HysteresisFile {
     Hyperbolic {
         /// Parameter `a`.
         a: PressureSquared,
+    },
+    /// A stack of plays between the reference curves.
+    Free {
+        /// Half-width of each play, in half-widths of the loop: 0 follows the average of the curves, 1 is the loop itself.
+        half_widths: Vec<f64>,
+        /// Weight of each play; scaled so that they sum to 1 and the large loop is that of the reference curves.
+        weights: Vec<f64>,
     },
 }
 
@@ -197,6 +204,19 @@ impl Valve {
             HysteresisFile::Hyperbolic { a } => {
                 return Err(wrong("hysteresis.hyperbolic.a", format!("{a} is negative; 0 bar^2 or more is allowed")));
             }
+            HysteresisFile::Free { half_widths, weights } => {
+                if half_widths.len() != weights.len() {
+                    let counts =
+                        format!("has {} values, hysteresis.free.weights {}; each play has one of both", half_widths.len(), weights.len());
+                    return Err(wrong("hysteresis.free.half_widths", counts));
+                }
+                Hysteresis::Free(FreeLoop::new(half_widths.into_iter().zip(weights)).ok_or_else(|| {
+                    wrong(
+                        "hysteresis.free.half_widths",
+                        format!("no stack of plays: 1 to {MOST_PLAYS} half-widths of 0 to {WIDEST_PLAY} and weights of 0 or more are allowed, one play of them with both above 0"),
+                    )
+                })?)
+            }
         };
         let seconds = |key: &str, value: Option<Time>| match value.map_or(0.0, Time::value) {
             s if (0.0..=MAX_TIME_S).contains(&s) => Ok(s),
@@ -249,6 +269,10 @@ impl Valve {
             hysteresis: match self.hysteresis {
                 Hysteresis::None => HysteresisFile::None,
                 Hysteresis::Hyperbolic { a_bar2 } => HysteresisFile::Hyperbolic { a: PressureSquared::new(a_bar2) },
+                Hysteresis::Free(stack) => {
+                    let (half_widths, weights) = stack.plays().unzip();
+                    HysteresisFile::Free { half_widths, weights }
+                }
             },
             delay: time(self.delay_s),
             delay_range: (self.delay_range_s != (self.delay_s, self.delay_s))
@@ -345,6 +369,20 @@ first_order_lag = { tau = "45 ms" }
           |                  ^^^^^^^^^^^^^^
         "#);
         insta::assert_snapshot!(wrong("schema = \"hil.valve/1\"", ""), @r#"paper.toml: schema: is missing; a valve file has "hil.valve/1""#);
+    }
+
+    #[test]
+    fn a_free_loop_reads_and_its_text_reads_back_the_same() {
+        let free = "hysteresis.free = { half_widths = [0.0, 0.5, 2.0], weights = [1.0, 2.0, 3.0] }";
+        let text = PAPER.replace("hysteresis.hyperbolic.a = \"0.8 bar^2\"", free);
+        let valve = Valve::from_toml(&text, "free.toml").unwrap();
+        let Hysteresis::Free(stack) = valve.hysteresis else { panic!("{:?}", valve.hysteresis) };
+        let (weight, width) = stack.plays().fold((0.0, 0.0), |(a, b), (r, w)| (a + w, b + r * w));
+        assert!((weight - 1.0).abs() < 1e-12 && (width - 1.0).abs() < 1e-12);
+        assert_eq!(Valve::from_toml(&valve.to_toml(), "back.toml").unwrap(), valve);
+        let wrong = |from: &str, to: &str| Valve::from_toml(&text.replace(from, to), "free.toml").unwrap_err().to_string();
+        assert!(wrong("[1.0, 2.0, 3.0]", "[1.0, 2.0]").contains("has 3 values, hysteresis.free.weights 2"));
+        assert!(wrong("[1.0, 2.0, 3.0]", "[1.0, 0.0, 0.0]").contains("no stack of plays"));
     }
 
     proptest! {

@@ -1,19 +1,24 @@
 //! Reference curves, hysteresis models and their inverse, the valve model file.
 //!
 //! The model is that of the paper: two reference curves, Eq. (3), joined by a hyperbola with one parameter `a`,
-//! Eqs. (5)-(8); its inverse is the feed-forward, Eq. (11).
+//! Eqs. (5)-(8); its inverse is the feed-forward, Eq. (11). Where the loop of a valve has another form, a stack of plays
+//! between the same curves takes the hyperbola's place.
 
 mod curves;
 mod error;
 mod file;
+mod free;
 mod hyperbola;
+mod path;
 mod polynomial;
 mod stretch;
 
 pub use curves::ReferenceCurves;
 pub use error::ValveError;
 pub use file::{EffectSpec, Identification, ParameterEstimate, ValveFile};
+pub use free::{FreeLoop, FreeState, MOST_PLAYS, WIDEST_PLAY};
 pub use hyperbola::{HyperbolaState, InverseState};
+pub use path::{HysteresisInverse, HysteresisState};
 pub use polynomial::Polynomial;
 pub use stretch::{hyperbola_per_sample, hyperbola_stretches};
 
@@ -47,6 +52,8 @@ pub enum Hysteresis {
         /// Parameter `a` [bar^2]: how softly the pressure leaves one curve for the other.
         a_bar2: f64,
     },
+    /// A stack of plays with weights, where the hyperbola is not the form of the loop.
+    Free(FreeLoop),
 }
 
 /// A valve model: what `--sim` simulates, the feed-forward inverts and `identify` writes.

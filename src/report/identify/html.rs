@@ -56,7 +56,7 @@ fn tiles(found: &Identified) -> Markup {
             @if let crate::valve::Hysteresis::Hyperbolic { a_bar2 } = valve.hysteresis {
                 (tile("a", format!("{a_bar2:.4}"), "bar²", "hyperbola".into()))
             } @else {
-                (tile("hysteresis", "none".into(), "", String::new()))
+                (tile("hysteresis", valve.hysteresis.name().into(), "", String::new()))
             }
             (tile("curves seen", format!("{low:.3} .. {high:.3}"), "A", valve.floor_bar.map_or(String::new(), |f| format!("floor {f:.2} bar"))))
         }

@@ -14,10 +14,7 @@ use crate::report::text::{COLUMNS, fold};
 /// The JSON document; the keys are part of the contract.
 pub fn json(found: &Identified) -> String {
     let valve = &found.valve;
-    let a_bar2 = match valve.hysteresis {
-        crate::valve::Hysteresis::Hyperbolic { a_bar2 } => Some(a_bar2),
-        crate::valve::Hysteresis::None => None,
-    };
+    let a_bar2 = valve.hysteresis.a_bar2();
     let parameter = |p: &Parameter| {
         (p.name.clone(), json!({ "value": p.value, "std_error": p.std_error.is_finite().then_some(p.std_error), "unit": p.unit }))
     };
