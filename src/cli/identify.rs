@@ -1,4 +1,4 @@
-//! `hil identify`: from a recording to a valve model.
+//! `hil identify`: from recordings of a valve to its model.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -10,23 +10,32 @@ use super::jobs::JobsArgs;
 use super::outputs::{Force, VALVE};
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
-use crate::identify::{HysteresisChoice, Options, identify_course};
+use crate::identify::{HysteresisChoice, Options, identify_courses};
 use crate::output::{Mark, Outputs};
 use crate::recording::{Mapping, Recording, replace_file};
 use crate::report;
+use crate::valve::Input;
 
 /// Arguments of `hil identify`.
 #[derive(Debug, Args)]
 pub struct IdentifyArgs {
-    /// The recording: time, current and measured pressure.
-    #[arg(required_unless_present = "jobs", conflicts_with = "jobs")]
-    recording: Option<PathBuf>,
+    /// The recordings of the good valve: time, current and measured pressure; several are fitted together, a sweep and a
+    /// commissioning drive, say.
+    #[arg(required_unless_present = "jobs", conflicts_with = "jobs", value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
     /// Write the valve model here.
     #[arg(short, long, value_name = "VALVE")]
     output: Option<PathBuf>,
     /// Whether the model has a hysteresis; found from the data where it is not given.
     #[arg(long, value_enum)]
     hysteresis: Option<HysteresisArg>,
+    /// What the command does between its samples: held from message to message, or on a straight line; found from the data
+    /// where they tell.
+    #[arg(long, value_enum)]
+    input: Option<InputArg>,
+    /// A pressure that falls while the current rises is meant, and no turned sign.
+    #[arg(long)]
+    falling: bool,
     /// Order of the curves; found by held-out error where it is not given.
     #[arg(long, value_name = "N")]
     order: Option<usize>,
@@ -53,7 +62,14 @@ pub struct IdentifyArgs {
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum HysteresisArg {
     Hyperbolic,
+    Free,
     None,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum InputArg {
+    Held,
+    Ramp,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -71,22 +87,29 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
         hysteresis: match args.hysteresis {
             None => HysteresisChoice::Auto,
             Some(HysteresisArg::Hyperbolic) => HysteresisChoice::Hyperbolic,
+            Some(HysteresisArg::Free) => HysteresisChoice::Free,
             Some(HysteresisArg::None) => HysteresisChoice::None,
         },
-        sha256: None,
+        input: args.input.map(|input| match input {
+            InputArg::Held => Input::Held,
+            InputArg::Ramp => Input::Ramp,
+        }),
+        falling: args.falling,
+        sha256: Vec::new(),
     };
     if args.many.jobs.is_some() {
         return super::jobs::run(&super::jobs::Identify { map, options }, &args.many);
     }
-    let Some(path) = &args.recording else {
-        return Err(CliError::usage("a RECORDING, or --jobs LIST"));
-    };
-    let outputs = Outputs::new(args.force.force).reads([path]);
+    let outputs = Outputs::new(args.force.force).reads(&args.recordings);
     let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;
-    let recording = Recording::read(path, &map).map_err(CliError::input)?;
-    let options = Options { sha256: Some(sha256(path)?), ..options };
-    let course = Course::take(recording, &Preparation::default()).map_err(CliError::input)?;
-    let found = identify_course(&course, &options).map_err(|e| match e {
+    let preparation = Preparation { input: options.input, ..Preparation::default() };
+    let course = |path: &PathBuf| {
+        let recording = Recording::read(path, &map).map_err(CliError::input)?;
+        Course::take(recording, &preparation).map_err(CliError::input)
+    };
+    let courses = args.recordings.iter().map(course).collect::<Result<Vec<_>, CliError>>()?;
+    let options = Options { sha256: args.recordings.iter().map(|path| sha256(path)).collect::<Result<_, _>>()?, ..options };
+    let found = identify_courses(&courses, &options).map_err(|e| match e {
         crate::identify::IdentifyError::Option { .. } => CliError::usage(e),
         other => CliError::input(other),
     })?;

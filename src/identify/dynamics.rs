@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 use super::fit::{Fit, Problem, loss, robust_sigma};
 use super::model::Shape;
-use super::select::{correlation_time, fit_robust};
+use super::select::{self, correlation_time, fit_robust};
 use super::survey::Survey;
+use crate::valve::Input;
 
 /// Step of the grid over the delay, in samples.
 const GRID_STEP: f64 = 0.25;
@@ -18,6 +19,11 @@ const LAGS: [f64; 7] = [0.3, 0.6, 1.0, 2.0, 4.0, 8.0, 16.0];
 const FOLLOWED: usize = 3;
 /// A step is a jump by this share of the recorded range.
 const STEP_SHARE: f64 = 0.05;
+/// A lag below this many samples is none.
+const LEAST_LAG: f64 = 0.05;
+/// A lag behind a held command below this many samples has settled before the next sample, wherever in the interval the
+/// command arrived: then only the interval is seen.
+const LEAST_LAG_HELD: f64 = 0.25;
 /// Gain in the Bayesian information criterion that a lag must bring: "strong" (Kass and Raftery 1995).
 const LAG_GAIN: f64 = 6.0;
 
@@ -44,8 +50,16 @@ pub(super) fn refine(problem: &Problem<'_>, fit: &Fit, survey: &Survey, weights:
     let lagged =
         follow(problem, &with, grid(problem, &with, &theta_with, survey.rate_a_per_s, (&delays, &lags), weights, limit), weights, limit);
     let (Some(plain), Some(lagged)) = (plain, lagged) else { return fit.clone() };
-    let gain = lag_gain(problem, survey, &plain, &lagged, weights, limit);
-    let chosen = if gain > LAG_GAIN && with.lag_s(&lagged.theta) > 0.05 * step_s { lagged } else { plain };
+    let least = if with.way.input == Input::Held { LEAST_LAG_HELD } else { LEAST_LAG };
+    let shown = with.lag_s(&lagged.theta) > least * step_s;
+    let wanted = if survey.steps == 0 && with.way.input == Input::Held {
+        // Without a lag a held command shows its delay by whole steps only, which would bend curves and loop: only strong
+        // evidence speaks for that.
+        select::gain(problem, &lagged, &plain, weights, survey.noise_bar) < 0.5 * LAG_GAIN
+    } else {
+        lag_gain(problem, survey, &plain, &lagged, weights, limit) > LAG_GAIN
+    };
+    let chosen = if shown && wanted { lagged } else { plain };
     fit_robust(problem, &chosen.shape, &chosen.theta, weights, survey.noise_bar, &[6]).0
 }
 
@@ -105,7 +119,7 @@ fn grid(
                 point[k] = *lag;
             }
             let narrowed = shape.narrowed(&point, rate_a_per_s, late(&point) - now);
-            let delayed = problem.delayed(*delay);
+            let delayed = problem.delayed(*delay, shape.way);
             let of = |point: Vec<f64>| {
                 let simulated = problem.simulate(shape, &point, &delayed, false);
                 (problem.loss_of(&simulated, weights, limit), point)

@@ -20,4 +20,12 @@ pub enum IdentifyError {
         /// Name of the recording.
         source_name: String,
     },
+    /// The pressure falls while the current rises.
+    #[error(
+        "{source_name}: the pressure falls while the current rises. A sign turned on the way is mended by --map current_a=\"-1 * current_a\" (or by -1 before the pressure); a valve that is meant to fall is identified with --falling"
+    )]
+    Falls {
+        /// Recording.
+        source_name: String,
+    },
 }

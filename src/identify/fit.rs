@@ -7,9 +7,10 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::arrival::Way;
 use super::model::{MIN_SLOPE, Shape};
 use super::segment::Segment;
-use crate::valve::ReferenceCurves;
+use crate::valve::{Input, ReferenceCurves};
 
 /// Points of the range at which the curves are kept rising and apart.
 const GUARDS: usize = 24;
@@ -85,10 +86,10 @@ impl<'a> Problem<'a> {
     }
 
     /// The current of all segments, delayed.
-    pub fn delayed(&self, delay_s: f64) -> Vec<f64> {
+    pub fn delayed(&self, delay_s: f64, way: Way) -> Vec<f64> {
         let mut out = vec![0.0; self.len()];
         for (k, s) in self.segments.iter().enumerate() {
-            s.delayed(delay_s, &mut out[self.range(k)]);
+            s.delayed(delay_s, way, &mut out[self.range(k)]);
         }
         out
     }
@@ -129,9 +130,27 @@ impl<'a> Problem<'a> {
         data + self.guards(shape, theta, weights).iter().map(|g| g * g).sum::<f64>() + self.prior(shape, theta)
     }
 
-    /// A start that the data do not show stays in the middle: a prior as wide as the loop.
+    /// Parameters that the data may not show, with the mean and the curvature of their priors: a start stays in the
+    /// middle with a prior as wide as the loop, a lag begins settled with one as wide as the range of the pressure, and the
+    /// weights of the plays, of which only the ratios count, keep their sum.
+    fn priors(&self, shape: &Shape, theta: &[f64]) -> Vec<(usize, f64, f64)> {
+        let variance = self.noise_bar * self.noise_bar;
+        let starts = (0..shape.starts).filter_map(|k| Some((shape.start_at(k)?, theta[shape.start_at(k)?], variance)));
+        let span = variance / (self.span_bar * self.span_bar);
+        let before = (0..shape.starts).filter_map(|k| Some((shape.before_at(k)?, theta[shape.before_at(k)?], span)));
+        let sum = theta[shape.weights()].iter().sum::<f64>() - 1.0;
+        let step_s = self.segments.first().map_or(0.01, |s| s.step_s);
+        // Of a held command a lag of about half a step is expected, where the data do not show another.
+        let usual = 0.5 * step_s;
+        let lag = shape.lag_at().filter(|_| shape.way.input == Input::Held);
+        let lag = lag.map(|k| (k, theta[k] - usual, variance / (usual * usual)));
+        starts.chain(before).chain(lag).chain(shape.weights().map(|k| (k, sum, variance))).collect()
+    }
+
     fn prior(&self, shape: &Shape, theta: &[f64]) -> f64 {
-        (0..shape.starts).filter_map(|k| shape.start_at(k)).map(|k| self.noise_bar * self.noise_bar * theta[k] * theta[k]).sum()
+        let plays = shape.weights().len().max(1) as f64;
+        let share = |k: usize| if shape.weights().contains(&k) { 1.0 / plays } else { 1.0 };
+        self.priors(shape, theta).iter().map(|(k, away, curvature)| share(*k) * curvature * away * away).sum()
     }
 
     /// Weighted violations of "both curves rise" and "the descending one is above".
@@ -145,7 +164,7 @@ impl<'a> Problem<'a> {
         for k in 0..=GUARDS {
             let i = low + (high - low) * k as f64 / GUARDS as f64;
             out.push(scale * (ascending.slope(i) * tenth - least).min(0.0));
-            if shape.hysteresis {
+            if shape.has_loop() {
                 out.push(scale * (descending.slope(i) * tenth - least).min(0.0));
                 out.push(scale * (descending.eval(i) - ascending.eval(i)).min(0.0));
             }
@@ -160,6 +179,8 @@ impl<'a> Problem<'a> {
             k if k == shape.delay() => (0.0, self.delay_max_s),
             k if Some(k) == shape.lag_at() => (0.0, self.lag_max_s),
             k if Some(k) == shape.ln_a() => (square - 20.0, square),
+            k if shape.weights().contains(&k) => (0.0, 2.0),
+            k if (0..shape.starts).any(|s| shape.before_at(s) == Some(k)) => (-self.span_bar, self.span_bar),
             k if k > shape.delay() => (-START_LIMIT, START_LIMIT),
             _ => (f64::NEG_INFINITY, f64::INFINITY),
         }
@@ -176,9 +197,14 @@ impl<'a> Problem<'a> {
     fn step(&self, shape: &Shape, theta: &[f64], k: usize) -> f64 {
         let step_s = self.segments.first().map_or(0.01, |s| s.step_s);
         match k {
-            k if k == shape.delay() => 0.02 * step_s,
+            // Within the sampling interval in which a held command arrives.
+            k if k == shape.delay() => {
+                let part = (theta[k] / step_s).fract();
+                if shape.way.input == Input::Held && part > 0.5 { -0.02 * step_s } else { 0.02 * step_s }
+            }
             k if Some(k) == shape.lag_at() => 0.01 * theta[k].max(step_s),
-            k if Some(k) == shape.ln_a() || k > shape.delay() => 1e-3,
+            k if Some(k) == shape.ln_a() || shape.weights().contains(&k) => 1e-3,
+            k if (0..shape.starts).any(|s| shape.start_at(s) == Some(k)) => 1e-3,
             _ => 1e-5 * self.span_bar,
         }
     }
@@ -192,7 +218,7 @@ impl<'a> Problem<'a> {
                 let step = self.step(shape, theta, k);
                 moved[k] += step;
                 let mut column = if k == shape.delay() {
-                    self.simulate(shape, &moved, &self.delayed(moved[k]), false)
+                    self.simulate(shape, &moved, &self.delayed(moved[k], shape.way), false)
                 } else {
                     self.simulate(shape, &moved, delayed_a, false)
                 };
@@ -253,7 +279,7 @@ impl<'a> Problem<'a> {
         let Effort { iterations, free, tolerance } = effort;
         let mut theta = start.to_vec();
         self.clamp(shape, &mut theta);
-        let mut delayed = self.delayed(theta[shape.delay()]);
+        let mut delayed = self.delayed(theta[shape.delay()], shape.way);
         let mut simulated = self.simulate(shape, &theta, &delayed, false);
         let mut residual = simulated.clone();
         self.residual(&mut residual);
@@ -276,7 +302,7 @@ impl<'a> Problem<'a> {
                 };
                 let mut trial: Vec<f64> = theta.iter().zip(change.iter()).map(|(t, c)| t - c).collect();
                 self.clamp(shape, &mut trial);
-                let trial_delayed = self.delayed(trial[shape.delay()]);
+                let trial_delayed = self.delayed(trial[shape.delay()], shape.way);
                 let trial_simulated = self.simulate(shape, &trial, &trial_delayed, false);
                 let mut trial_residual = trial_simulated.clone();
                 self.residual(&mut trial_residual);
@@ -320,14 +346,20 @@ impl<'a> Problem<'a> {
         let all = shape.len();
         let mut matrix = DMatrix::from_fn(all, all, |a, b| if a.max(b) < p { rows[a.max(b)][a.min(b)] } else { 0.0 });
         let mut gradient = DVector::from_fn(all, |a, _| if a < p { rows[a][a + 1] } else { 0.0 });
-        for k in (0..shape.starts).filter_map(|k| shape.start_at(k)) {
-            matrix[(k, k)] += self.noise_bar * self.noise_bar;
-            gradient[k] += self.noise_bar * self.noise_bar * theta[k];
+        let weights_at = shape.weights();
+        for (k, away, curvature) in self.priors(shape, theta) {
+            gradient[k] += curvature * away;
+            // The sum of the weights couples them all.
+            if weights_at.contains(&k) {
+                weights_at.clone().for_each(|l| matrix[(k, l)] += curvature);
+            } else {
+                matrix[(k, k)] += curvature;
+            }
         }
         let base = self.guards(shape, theta, weights);
         if base.iter().any(|g| *g != 0.0) {
             let step = 1e-5 * self.span_bar;
-            let curve = if shape.hysteresis { 2 * (shape.order + 1) } else { shape.order + 1 };
+            let curve = shape.curve_parameters();
             let slopes: Vec<Vec<f64>> = (0..curve)
                 .map(|k| {
                     let mut moved = theta.to_vec();

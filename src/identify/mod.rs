@@ -5,12 +5,19 @@
 //! simulation error, so that delay and loop width are told apart by whatever the recording holds: turning points,
 //! changing amplitudes, steps, different rates. The method, its sources and its limits: `docs/identify.md`.
 
+mod arrival;
+mod direction;
 mod dynamics;
 mod error;
+mod evidence;
 mod fit;
+mod heldout;
 mod model;
 mod outcome;
+mod parameters;
 mod profile;
+mod quality;
+mod search;
 mod segment;
 mod select;
 mod start;
@@ -20,13 +27,15 @@ mod warnings;
 mod windows;
 
 pub use error::IdentifyError;
-pub use outcome::{DrawnCurves, Identified, Parameter, Trace};
-pub use select::OrderError;
+pub use heldout::OrderError;
+pub use outcome::{DrawnCurves, Identified, Trace};
+pub use parameters::{CurvePoint, Parameter};
+pub use quality::Quality;
 
 use crate::course::{Course, CourseError, Preparation};
 use crate::recording::Recording;
+use crate::valve::{Input, MAX_TIME_S};
 use fit::Problem;
-use model::Shape;
 use segment::Segment;
 
 /// Whether the model has a hysteresis.
@@ -37,6 +46,8 @@ pub enum HysteresisChoice {
     Auto,
     /// The hyperbola of Eqs. (5)-(8).
     Hyperbolic,
+    /// A stack of plays between the curves.
+    Free,
     /// None: the average of the curves.
     None,
 }
@@ -50,137 +61,110 @@ pub struct Options {
     pub order: Option<usize>,
     /// Whether there is a hysteresis.
     pub hysteresis: HysteresisChoice,
-    /// SHA-256 of the recording's bytes, hex.
-    pub sha256: Option<String>,
+    /// What the command does between its samples; as the data show it where `None`.
+    pub input: Option<Input>,
+    /// Whether a falling characteristic is meant.
+    pub falling: bool,
+    /// SHA-256 of each recording's bytes, hex.
+    pub sha256: Vec<String>,
 }
 
 /// Fewest samples with current and pressure.
 const MIN_SAMPLES: usize = 50;
-/// Up to this many segments the start of each is fitted.
-const MAX_STARTS: usize = 4;
 /// Highest order of the curves.
 pub const MAX_ORDER: usize = 9;
-/// Share of the direction bins that both directions must cover for a hysteresis to be fitted.
-const MIN_BOTH: usize = survey::DIRECTION_BINS * 3 / 20;
 
 /// Identifies a valve model from a recording.
 ///
 /// # Errors
-/// [`IdentifyError`] where a channel is missing, or the data hold nothing to identify.
+/// See [`identify_courses`].
 pub fn identify(recording: &Recording, options: &Options) -> Result<Identified, IdentifyError> {
-    identify_course(&Course::of(recording, &Preparation::default())?, options)
+    identify_all(std::slice::from_ref(recording), options)
+}
+
+/// Identifies a valve model from recordings of the same valve, together: a sweep and a commissioning drive, say.
+///
+/// # Errors
+/// See [`identify_courses`].
+pub fn identify_all(recordings: &[Recording], options: &Options) -> Result<Identified, IdentifyError> {
+    let preparation = Preparation { input: options.input, ..Preparation::default() };
+    let courses = recordings.iter().map(|r| Course::of(r, &preparation)).collect::<Result<Vec<_>, _>>()?;
+    identify_courses(&courses, options)
 }
 
 /// Identifies a valve model from a recording that is made ready.
 ///
 /// # Errors
-/// As [`identify`].
+/// See [`identify_courses`].
 pub fn identify_course(course: &Course, options: &Options) -> Result<Identified, IdentifyError> {
+    identify_courses(std::slice::from_ref(course), options)
+}
+
+/// Identifies a valve model from recordings of the same valve that are made ready, together.
+///
+/// # Errors
+/// [`IdentifyError`] where there is no recording, a channel is missing, or the data hold nothing to identify.
+pub fn identify_courses(courses: &[Course], options: &Options) -> Result<Identified, IdentifyError> {
     if let Some(order) = options.order.filter(|o| !(1..=MAX_ORDER).contains(o)) {
         return Err(IdentifyError::Option { option: "--order", problem: format!("{order} is not allowed; 1 to {MAX_ORDER} are") });
     }
-    let (mut segments, whole) = windows::segments(course);
-    let mut survey = checked_survey(course, &mut segments)?;
-    survey.recorded_a = course.current_range_a();
+    if options.falling {
+        let rising = Options { falling: false, ..options.clone() };
+        let mut found = identify_courses(&direction::turned(courses), &rising)?;
+        found.notes.push(FALLING.into());
+        return Ok(found);
+    }
+    let (mut segments, whole) = windows::segments(courses);
+    let mut survey = checked_survey(courses, &mut segments)?;
+    if direction::falls(&segments) {
+        return Err(IdentifyError::Falls { source_name: source_names(courses) });
+    }
+    survey.recorded_a = windows::range(courses);
     let duration_s = segments.iter().map(|s| s.time_s[s.len() - 1] - s.time_s[0]).fold(0.0, f64::max);
     let step_s = segments[0].step_s;
     let longest_s = (50.0 * step_s).max(0.5).min(0.25 * duration_s);
-    let problem = Problem::new(&segments, longest_s, (4.0 * longest_s).min(0.25 * duration_s), survey.span_bar, survey.noise_bar);
+    let longest_lag_s = (4.0 * longest_s).min(0.25 * duration_s).min(MAX_TIME_S);
+    let problem = Problem::new(&segments, longest_s, longest_lag_s, survey.span_bar, survey.noise_bar);
     let weights = problem.weights();
-    let noise_bar = survey.noise_bar;
-    let mut fit = first_fit(&problem, &survey, options, &weights);
-    let before = survey.covered_a;
-    survey.cover(&segments, fit.theta[fit.shape.delay()], 4.0 * fit.shape.lag_s(&fit.theta));
-    let range_a = to_the_floor(&fit, &survey);
-    let change = (range_a.0 - before.0).abs().max((range_a.1 - before.1).abs());
-    if change > 0.1 * (before.1 - before.0) {
-        // A slow valve: what looked covered was still on its way.
-        fit = first_fit(&problem, &survey, options, &weights);
-    } else {
-        (fit.shape, fit.theta) = fit.shape.moved(&fit.theta, range_a);
-        survey.covered_a = range_a;
+    let stated = courses.iter().find(|c| c.input_stated).map(|c| c.input);
+    let options = &Options { input: options.input.or(stated), ..options.clone() };
+    let found = search::search(&problem, &mut survey, options, &weights);
+    let heldout_bar = found.heldout_bar;
+    if !found.fit.theta.iter().all(|t| t.is_finite()) || !found.fit.cost.is_finite() {
+        return Err(IdentifyError::NotFinite { source_name: source_names(courses) });
     }
-    let mut orders = Vec::new();
-    if options.order.is_none() {
-        let limit = select::threshold(&fit.residual_bar, &weights, noise_bar);
-        let largest = survey::levels(&segments, &survey).saturating_sub(1).max(1);
-        let (order, tried) = select::choose_order(&problem, &fit, &weights, limit, largest);
-        orders = tried;
-        let shape = Shape { order, ..fit.shape.clone() };
-        fit.theta = fit.shape.convert(&fit.theta, &shape, 0.0);
-        fit.shape = shape;
-        fit = dynamics::refine(&problem, &fit, &survey, &weights, limit);
-    }
-    fit = below_the_floor(&problem, fit, &survey, &weights);
-    let (fit, limit) = select::fit_robust(&problem, &fit.shape, &fit.theta, &weights, noise_bar, &[10, 10]);
-    if !fit.theta.iter().all(|t| t.is_finite()) || !fit.cost.is_finite() {
-        return Err(IdentifyError::NotFinite { source_name: course.source.clone() });
-    }
-    let (fit, nodes) = profile::lowest(&problem, fit, &weights, limit, |fit| uncertainty::variance(&problem, fit, &weights, limit).0);
-    let data = outcome::Data { course, whole, problem: &problem, survey: &survey };
-    Ok(outcome::outcome(&data, options, &fit, (&nodes, limit), orders))
+    let limit = found.limit_bar;
+    let (fit, nodes) = profile::lowest(&problem, found.fit, &weights, limit, |fit| uncertainty::variance(&problem, fit, &weights, limit).0);
+    let data = outcome::Data { courses, whole, problem: &problem, survey: &survey };
+    Ok(outcome::outcome(&data, options, &fit, (&nodes, limit), (found.orders, heldout_bar)))
 }
 
-/// The covered range, down to where the higher curve reaches the floor: there it ends, and nothing is extrapolated.
-fn to_the_floor(fit: &fit::Fit, survey: &survey::Survey) -> (f64, f64) {
-    let (low, high) = survey.covered_a;
-    let Some(floor) = survey.floor_bar else { return (low, high) };
-    let curves = fit.shape.curves(&fit.theta);
-    let slope = curves.descending.slope(low).max(1e-9);
-    let missing = ((curves.descending_at(low) - floor) / slope).clamp(0.0, 0.05 * (high - low));
-    let hidden = curves.descending_at(low) - floor < 2.0 * (survey.above_bar() - floor);
-    (if hidden { (low - missing).max(survey.recorded_a.0) } else { low }, high)
-}
+/// What is said of a model that was asked to fall.
+const FALLING: &str = "a falling characteristic was asked for: the model holds over the negative current; other commands take recordings of this valve with --map current_a=\"-1 * current_a\"";
 
-/// The fit with its range carried on below the covered one, over the currents at which the floor hides the pressure.
-///
-/// The loop goes on down there and turns: how wide it is shows in the path of the pressure back above the floor, and
-/// from there in the ascending curve, in `a` and in the delay. Straight lines, which take the width at the floor for
-/// that at the turn, would bend all three; the polynomials, as far as they rise and stay apart, carry it on as the
-/// paper's valve does.
-fn below_the_floor(problem: &Problem<'_>, mut fit: fit::Fit, survey: &survey::Survey, weights: &[f64]) -> fit::Fit {
-    const ROUNDS: usize = 3;
-    let (low, high) = survey.covered_a;
-    if survey.floor_bar.is_none() || !fit.shape.hysteresis || survey.recorded_a.0 >= low {
-        return fit;
-    }
-    for _ in 0..ROUNDS {
-        let before = fit.shape.range_a.0;
-        let range_a = (fit.shape.valid_down_to(&fit.theta, (low, high), survey.recorded_a.0), high);
-        if (range_a.0 - before).abs() <= 0.002 * (high - low) {
-            break;
-        }
-        let (shape, theta) = fit.shape.moved(&fit.theta, range_a);
-        fit = select::fit_robust(problem, &shape, &theta, weights, survey.noise_bar, &[8]).0;
-    }
-    fit
-}
-
-/// A fit with curves of the order given, or of order 3 as in the paper, with delay and lag found.
-fn first_fit(problem: &Problem<'_>, survey: &survey::Survey, options: &Options, weights: &[f64]) -> fit::Fit {
-    let hysteresis = match options.hysteresis {
-        HysteresisChoice::Hyperbolic => true,
-        HysteresisChoice::None => false,
-        HysteresisChoice::Auto => survey.both_directions >= MIN_BOTH,
-    };
-    let levels = survey::levels(problem.segments, survey);
-    let order = options.order.unwrap_or_else(|| 3.min(levels.saturating_sub(1)).max(1));
-    let starts = if hysteresis && problem.segments.len() <= MAX_STARTS { problem.segments.len() } else { 0 };
-    let shape = Shape { order, hysteresis, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar, starts };
-    let start = start::start(problem, &shape, survey, weights);
-    let (plain, limit) = select::fit_robust(problem, &shape, &start, weights, survey.noise_bar, &[8, 8]);
-    dynamics::refine(problem, &plain, survey, weights, limit)
+/// The names of the recordings, for messages.
+fn source_names(courses: &[Course]) -> String {
+    courses.iter().map(|c| c.source.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 /// The survey, after everything is refused from which nothing can be identified.
-fn checked_survey(course: &Course, segments: &mut [Segment]) -> Result<survey::Survey, IdentifyError> {
-    course.carries(MIN_SAMPLES)?;
-    let found = survey::survey(segments, course.noise.bar);
+fn checked_survey(courses: &[Course], segments: &mut [Segment]) -> Result<survey::Survey, IdentifyError> {
+    for course in courses {
+        course.carries(MIN_SAMPLES)?;
+    }
+    // The noise of all readings, whichever recording they stand in.
+    let (squares, readings) = courses
+        .iter()
+        .map(|c| (c.noise.bar, c.readings() as f64))
+        .fold((0.0, 0.0), |(s, n), (bar, count)| (s + count * bar * bar, n + count));
+    let found = survey::survey(segments, f64::sqrt(squares / f64::max(readings, 1.0)));
     if found.samples < MIN_SAMPLES {
-        return Err(CourseError::TooShort { source_name: course.source.clone(), readings: found.samples, wanted: MIN_SAMPLES }.into());
+        return Err(CourseError::TooShort { source_name: source_names(courses), readings: found.samples, wanted: MIN_SAMPLES }.into());
     }
     Ok(found)
 }
 
+#[cfg(test)]
+mod law;
 #[cfg(test)]
 mod tests;

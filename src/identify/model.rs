@@ -3,19 +3,38 @@
 //! The curves are fitted as mean and half-width in Chebyshev polynomials over the covered range, which keeps the
 //! normal equations well conditioned at any order; they are written as powers of the current, as the paper does.
 
+use super::arrival::Way;
 use super::segment::Segment;
-use crate::valve::{Polynomial, ReferenceCurves, hyperbola_stretches};
+use crate::valve::{FreeLoop, Hysteresis, Input, Polynomial, ReferenceCurves};
 
 /// Smallest slope of a curve, as a share of the mean slope over the range.
 pub(super) const MIN_SLOPE: f64 = 0.02;
+
+/// Half-widths of the plays of a free loop, in half-widths of the loop, before they are scaled together.
+pub(super) const PLAYS: [f64; 7] = [0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
+/// Weights from which a free loop begins: a soft loop, no play of which is out of reach.
+const FIRST_WEIGHTS: [f64; PLAYS.len()] = [0.2, 0.15, 0.15, 0.2, 0.15, 0.1, 0.05];
+
+/// The path between the curves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Form {
+    /// One curve.
+    None,
+    /// The hyperbola.
+    Hyperbolic,
+    /// A stack of plays.
+    Free,
+}
 
 /// Which parameters the model has.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shape {
     /// Order of the curves.
     pub order: usize,
-    /// Whether the curves differ and a hyperbola joins them.
-    pub hysteresis: bool,
+    /// The path between the curves.
+    pub form: Form,
+    /// What the command does between its samples.
+    pub way: Way,
     /// Whether the pressure has a first-order lag.
     pub lag: bool,
     /// Range of current over which the curves are fitted [A].
@@ -27,20 +46,50 @@ pub(super) struct Shape {
 }
 
 impl Shape {
+    /// Whether the curves differ.
+    pub fn has_loop(&self) -> bool {
+        self.form != Form::None
+    }
+
+    /// Whether the delay shows by whole steps only: a held command and no lag that would show when it arrives.
+    pub fn is_staircase(&self) -> bool {
+        self.way.input == Input::Held && !self.lag
+    }
+
+    /// Number of parameters of both curves.
+    pub fn curve_parameters(&self) -> usize {
+        (self.order + 1) * if self.has_loop() { 2 } else { 1 }
+    }
+
     /// Number of parameters.
     pub fn len(&self) -> usize {
-        let curve = self.order + 1;
-        curve + if self.hysteresis { curve + 1 } else { 0 } + 1 + usize::from(self.lag) + self.starts
+        self.delay() + 1 + usize::from(self.lag) + self.starts * self.per_start()
+    }
+
+    /// Parameters of each fitted start: its place between the curves, and how far a lag is behind.
+    fn per_start(&self) -> usize {
+        1 + usize::from(self.lag)
     }
 
     /// Position of ln a.
     pub fn ln_a(&self) -> Option<usize> {
-        self.hysteresis.then_some(2 * (self.order + 1))
+        (self.form == Form::Hyperbolic).then_some(self.curve_parameters())
+    }
+
+    /// Positions of the weights of the plays.
+    pub fn weights(&self) -> std::ops::Range<usize> {
+        let from = self.curve_parameters();
+        from..from + if self.form == Form::Free { PLAYS.len() } else { 0 }
     }
 
     /// Position of the delay.
     pub fn delay(&self) -> usize {
-        self.ln_a().map_or(self.order + 1, |k| k + 1)
+        self.curve_parameters()
+            + match self.form {
+                Form::None => 0,
+                Form::Hyperbolic => 1,
+                Form::Free => PLAYS.len(),
+            }
     }
 
     /// Position of the lag.
@@ -53,11 +102,16 @@ impl Shape {
         (k < self.starts).then(|| self.delay() + 1 + usize::from(self.lag) + k)
     }
 
+    /// Position of the pressure by which the lag of segment `k` stands above its input at the start [bar].
+    pub fn before_at(&self, k: usize) -> Option<usize> {
+        (self.lag && k < self.starts).then(|| self.delay() + 2 + self.starts + k)
+    }
+
     /// Coefficients of the ascending and of the descending curve, highest power first.
     pub fn polynomials(&self, theta: &[f64]) -> (Polynomial, Polynomial) {
         let curve = self.order + 1;
         let mean = powers(&theta[..curve], self.range_a);
-        if !self.hysteresis {
+        if !self.has_loop() {
             return (Polynomial::new(mean.clone()), Polynomial::new(mean));
         }
         let half = powers(&theta[curve..2 * curve], self.range_a);
@@ -71,9 +125,17 @@ impl Shape {
         ReferenceCurves::on_range(ascending, descending, self.range_a)
     }
 
-    /// Parameter a of the hyperbola [bar^2].
-    pub fn a_bar2(&self, theta: &[f64]) -> f64 {
-        self.ln_a().map_or(0.0, |k| theta[k].exp())
+    /// The path between the curves.
+    pub fn hysteresis(&self, theta: &[f64]) -> Hysteresis {
+        match self.form {
+            Form::None => Hysteresis::None,
+            Form::Hyperbolic => Hysteresis::Hyperbolic { a_bar2: self.ln_a().map_or(0.0, |k| theta[k].exp()) },
+            Form::Free => {
+                let plays = PLAYS.into_iter().zip(theta[self.weights()].iter().copied());
+                // Without a play that has a width there is no loop; one of the loop's own width is backlash.
+                FreeLoop::new(plays).or_else(|| FreeLoop::new([(1.0, 1.0)])).map_or(Hysteresis::None, Hysteresis::Free)
+            }
+        }
     }
 
     /// The lag [s].
@@ -90,15 +152,23 @@ impl Shape {
         };
         let curve = self.order + 1;
         let mut out = resized(&theta[..curve]);
-        if to.hysteresis {
-            out.extend(if self.hysteresis { resized(&theta[curve..2 * curve]) } else { vec![0.0; to.order + 1] });
-            out.push(self.ln_a().map_or(0.0, |k| theta[k]));
+        if to.has_loop() {
+            out.extend(if self.has_loop() { resized(&theta[curve..2 * curve]) } else { vec![0.0; to.order + 1] });
+        }
+        match to.form {
+            Form::None => {}
+            Form::Hyperbolic => out.push(self.ln_a().map_or(0.0, |k| theta[k])),
+            Form::Free if self.form == Form::Free => out.extend(&theta[self.weights()]),
+            Form::Free => out.extend(FIRST_WEIGHTS),
         }
         out.push(theta[self.delay()]);
         if to.lag {
             out.push(self.lag_at().map_or(lag_s, |k| theta[k]));
         }
         out.extend((0..to.starts).map(|k| self.start_at(k).map_or(0.0, |at| theta[at])));
+        if to.lag {
+            out.extend((0..to.starts).map(|k| self.before_at(k).map_or(0.0, |at| theta[at])));
+        }
         out
     }
 
@@ -108,7 +178,7 @@ impl Shape {
         let curve = self.order + 1;
         let mut out = theta.to_vec();
         let mut basis = vec![0.0; curve];
-        for part in 0..if self.hysteresis { 2 } else { 1 } {
+        for part in 0..if self.has_loop() { 2 } else { 1 } {
             let polynomial = Polynomial::new(powers(&theta[part * curve..(part + 1) * curve], self.range_a));
             let series = &mut out[part * curve..(part + 1) * curve];
             series.fill(0.0);
@@ -140,7 +210,7 @@ impl Shape {
     /// at `rate_a_per_s`: on a ramp, delay and half-width trade places.
     pub fn narrowed(&self, theta: &[f64], rate_a_per_s: f64, later_s: f64) -> Vec<f64> {
         let mut out = theta.to_vec();
-        if !self.hysteresis {
+        if !self.has_loop() {
             return out;
         }
         let curve = self.order + 1;
@@ -178,11 +248,9 @@ impl Shape {
         out: &mut [f64],
         average: bool,
     ) {
-        if self.hysteresis && !average {
-            let first = delayed_a[0];
-            let place = self.start_at(number).map_or_else(|| self.measured_start(curves, segment, first), |k| theta[k]);
-            let start = curves.average_at(first) + 0.5 * place * (curves.descending_at(first) - curves.ascending_at(first)).abs();
-            hyperbola_stretches(curves, self.a_bar2(theta), start, delayed_a, out);
+        if self.has_loop() && !average {
+            let place = self.start_at(number).map_or_else(|| self.measured_start(curves, segment, delayed_a[0]), |k| theta[k]);
+            self.hysteresis(theta).run(curves, 0.5 + 0.5 * place, delayed_a, out);
         } else {
             for (o, i) in out.iter_mut().zip(delayed_a) {
                 *o = curves.average_at(*i);
@@ -193,7 +261,8 @@ impl Shape {
                 *o = o.max(floor);
             }
         }
-        segment.lagged(self.lag_s(theta), out);
+        let before_bar = self.before_at(number).map_or(0.0, |k| theta[k]);
+        segment.lagged(self.lag_s(theta), before_bar, segment.arrival(theta[self.delay()], self.way), out);
         segment.at_readings(out);
     }
 }
@@ -262,7 +331,15 @@ mod tests {
 
     #[test]
     fn curves_over_another_range_are_the_same_curves() {
-        let shape = Shape { order: 3, hysteresis: true, lag: false, range_a: (0.2, 0.8), floor_bar: None, starts: 0 };
+        let shape = Shape {
+            order: 3,
+            form: Form::Hyperbolic,
+            way: Input::Ramp.into(),
+            lag: false,
+            range_a: (0.2, 0.8),
+            floor_bar: None,
+            starts: 0,
+        };
         let theta = [10.0, 8.0, 0.4, 0.1, 0.5, 0.2, -0.1, 0.05, -1.0, 0.02];
         let (moved, there) = shape.moved(&theta, (0.1, 0.9));
         for i in [0.25, 0.5, 0.75] {
@@ -274,7 +351,15 @@ mod tests {
     #[test]
     fn the_papers_curves_hold_down_to_their_crossing() {
         // Eq. (3), as Chebyshev series over the range that stands above a floor at zero.
-        let flat = Shape { order: 3, hysteresis: true, lag: false, range_a: (-1.0, 1.0), floor_bar: Some(0.0), starts: 0 };
+        let flat = Shape {
+            order: 3,
+            form: Form::Hyperbolic,
+            way: Input::Ramp.into(),
+            lag: false,
+            range_a: (-1.0, 1.0),
+            floor_bar: Some(0.0),
+            starts: 0,
+        };
         // c3 x^3 + c2 x^2 + c1 x + c0 in Chebyshev polynomials.
         let series = |c: [f64; 4]| [c[3] + 0.5 * c[1], c[2] + 0.75 * c[0], 0.5 * c[1], 0.25 * c[0]];
         let (up, down) = (series([-42.65, 92.5, -8.4, -2.03]), series([-40.01, 83.32, -1.3, -2.41]));
@@ -289,13 +374,21 @@ mod tests {
 
     #[test]
     fn a_higher_order_keeps_the_values() {
-        let low = Shape { order: 1, hysteresis: true, lag: false, range_a: (0.2, 0.8), floor_bar: None, starts: 1 };
+        let low = Shape {
+            order: 1,
+            form: Form::Hyperbolic,
+            way: Input::Ramp.into(),
+            lag: false,
+            range_a: (0.2, 0.8),
+            floor_bar: None,
+            starts: 1,
+        };
         let high = Shape { order: 4, lag: true, ..low.clone() };
         let theta = [10.0, 8.0, 0.4, 0.1, -1.0, 0.02, 0.3];
         let converted = low.convert(&theta, &high, 0.005);
         assert_eq!(converted.len(), high.len());
         assert!((high.curves(&converted).ascending_at(0.3) - low.curves(&theta).ascending_at(0.3)).abs() < 1e-12);
-        assert_eq!((high.a_bar2(&converted), high.lag_s(&converted)), (low.a_bar2(&theta), 0.005));
+        assert_eq!((high.hysteresis(&converted), high.lag_s(&converted)), (low.hysteresis(&theta), 0.005));
         assert_eq!(converted[high.start_at(0).unwrap()], 0.3);
     }
 }

@@ -1,28 +1,16 @@
 //! What identification hands over: the valve, how well it fits, how sure its parameters are.
 
 use super::fit::{Fit, Problem};
-use super::model::powers;
+use super::heldout::OrderError;
+use super::parameters::{CurvePoint, Parameter, curve_points, parameters};
 use super::profile::Node;
-use super::select::OrderError;
+use super::quality::{Quality, quality};
 use super::survey::{Survey, play};
-use super::uncertainty::{covariance, error_of, variance};
-use super::{Options, warnings, windows};
+use super::uncertainty::{covariance, staircase, variance};
+use super::{Options, evidence, warnings, windows};
 use crate::course::Course;
-use crate::units::{self, Current, Pressure};
-use crate::valve::{Hysteresis, Identification, ParameterEstimate, ReferenceCurves, Valve};
-
-/// A parameter with its uncertainty.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    /// Name: `a`, `delay`, `lag`, `ascending_c3`, ..
-    pub name: String,
-    /// Estimate in `unit`.
-    pub value: f64,
-    /// One standard deviation, in `unit`; infinite where the data do not carry the parameter.
-    pub std_error: f64,
-    /// Unit.
-    pub unit: String,
-}
+use crate::units::{Current, Pressure};
+use crate::valve::{Identification, Input, ParameterEstimate, ReferenceCurves, Valve};
 
 /// Measured and simulated pressure of one run, for a report.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,10 +57,18 @@ pub struct Identified {
     pub rmse_average_model_bar: f64,
     /// The parameters with their standard errors.
     pub parameters: Vec<Parameter>,
+    /// The curves with their standard errors.
+    pub curve_points: Vec<CurvePoint>,
+    /// What the command does between its samples, as stated or as the data show it.
+    pub input: Input,
+    /// How good the model is.
+    pub quality: Quality,
     /// Correlation time of the residual [samples]; standard errors are inflated by its root.
     pub correlation_time_samples: f64,
     /// Held-out error of every order that was tried; empty where the order was given.
     pub orders: Vec<OrderError>,
+    /// Error on samples that the model had not seen [bar]; `None` where nothing was held out.
+    pub heldout_bar: Option<f64>,
     /// What was found and handled.
     pub notes: Vec<String>,
     /// What the data cannot carry.
@@ -93,8 +89,8 @@ impl Identified {
 
 /// What was fitted to.
 pub(super) struct Data<'a> {
-    /// The recording, made ready.
-    pub course: &'a Course,
+    /// The recordings, made ready.
+    pub courses: &'a [Course],
     /// Whether the problem holds the whole recording.
     pub whole: bool,
     /// The fitted segments.
@@ -108,26 +104,28 @@ pub(super) fn outcome(
     options: &Options,
     fit: &Fit,
     (nodes, limit): (&[Node], f64),
-    orders: Vec<OrderError>,
+    (orders, heldout_bar): (Vec<OrderError>, Option<f64>),
 ) -> Identified {
-    let Data { course, whole, problem, survey } = *data;
+    let Data { courses, whole, problem, survey } = *data;
     let shape = &fit.shape;
     let weights = problem.weights();
     let (variance, time) = variance(problem, fit, &weights, limit);
-    let covariance = covariance(fit, nodes, variance);
+    let covariance =
+        if shape.is_staircase() { staircase(problem, fit, (&weights, limit), variance) } else { covariance(fit, nodes, variance) };
     let parameters = parameters(fit, &covariance);
+    let curve_points = curve_points(fit, &covariance, survey.covered_a);
     let delay_s = fit.theta[shape.delay()];
-    let delayed = problem.delayed(delay_s);
+    let delayed = problem.delayed(delay_s, shape.way);
     let simulated = problem.simulate(shape, &fit.theta, &delayed, false);
     let average = problem.simulate(shape, &fit.theta, &delayed, true);
     let error_of_delay = parameters.iter().find(|p| p.name == "delay").map_or(0.0, |p| p.std_error);
     let margin_s = (2.0 * error_of_delay).clamp(0.005, problem.delay_max_s.max(0.005));
-    let stem = std::path::Path::new(&course.source).file_stem().map(|s| s.to_string_lossy().into_owned());
+    let stem = std::path::Path::new(&courses[0].source).file_stem().map(|s| s.to_string_lossy().into_owned());
     let name = options.name.clone().or(stem).unwrap_or_else(|| "identified".into());
-    let hysteresis = if shape.hysteresis { Hysteresis::Hyperbolic { a_bar2: shape.a_bar2(&fit.theta) } } else { Hysteresis::None };
+    let hysteresis = shape.hysteresis(&fit.theta);
     let mut valve = Valve {
         name,
-        source: format!("identified from {}", course.source),
+        source: format!("identified from {}", super::source_names(courses)),
         curves: shape.curves(&fit.theta),
         hysteresis,
         delay_s,
@@ -142,16 +140,22 @@ pub(super) fn outcome(
     let ones: Vec<f64> =
         problem.segments.iter().flat_map(|s| s.pressure_bar.iter().map(|p| if p.is_finite() { 1.0 } else { 0.0 })).collect();
     let (rmse_bar, rmse_average_model_bar) =
-        if whole { (rmse(problem, &simulated, &ones), rmse(problem, &average, &ones)) } else { rmse_of_all(course, fit) };
+        if whole { (rmse(problem, &simulated, &ones), rmse(problem, &average, &ones)) } else { rmse_of_all(courses, fit) };
     let (r2_ascending, r2_descending) = branches(problem, survey, &delayed, &simulated);
-    let mut notes = warnings::notes(course, survey, fit, &valve);
+    let quality = quality(problem, survey, fit, &weights, limit, &delayed);
+    let mut notes = warnings::notes(courses, survey, fit, &valve);
     if !whole {
-        notes.push(warnings::windows_note(course, problem));
+        notes.push(warnings::windows_note(courses, problem));
     }
     let warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
     valve.identification = Some(Identification {
-        recording: course.source.clone(),
-        sha256: options.sha256.clone(),
+        recording: super::source_names(courses),
+        sha256: (courses.len() == 1).then(|| options.sha256.first().cloned()).flatten(),
+        heldout: heldout_bar.map(Pressure::new),
+        input: Some(shape.way.input),
+        fit_percent: Some((1e4 * quality.fit_percent).round() / 1e4),
+        adequate: Some(quality.adequate),
+        recordings: evidence::recordings(courses, &options.sha256, problem.segments, &fit.residual_bar, survey.noise_bar),
         rmse: Some(Pressure::new(rmse_bar)),
         rmse_average_model: Some(Pressure::new(rmse_average_model_bar)),
         covered: Some((Current::new(survey.covered_a.0), Current::new(survey.covered_a.1))),
@@ -183,8 +187,12 @@ pub(super) fn outcome(
         rmse_fitted_bar: rmse(problem, &simulated, &weights),
         rmse_average_model_bar,
         parameters,
+        curve_points,
+        input: shape.way.input,
+        quality,
         correlation_time_samples: time,
         orders,
+        heldout_bar,
         notes,
         warnings,
         curves: drawn(&curves, survey.covered_a),
@@ -209,61 +217,6 @@ fn quantity(value: f64, unit: &str) -> String {
     format!("{value:.digits$} {unit}")
 }
 
-/// The parameters as they are reported, with errors carried over by the linear map from the fitted ones.
-fn parameters(fit: &Fit, covariance: &nalgebra::DMatrix<f64>) -> Vec<Parameter> {
-    let shape = &fit.shape;
-    let curve = shape.order + 1;
-    let mut out = Vec::new();
-    let (ascending, descending) = shape.polynomials(&fit.theta);
-    // The power coefficients of each Chebyshev polynomial: the columns of the linear map.
-    let columns: Vec<Vec<f64>> = (0..curve)
-        .map(|k| {
-            let mut unit = vec![0.0; curve];
-            unit[k] = 1.0;
-            powers(&unit, shape.range_a)
-        })
-        .collect();
-    let mut add_curve = |name: &str, coefficients: &[f64], sign: f64| {
-        for (row, value) in coefficients.iter().enumerate() {
-            let power = shape.order - row;
-            let mut direction = vec![0.0; shape.len()];
-            for k in 0..curve {
-                direction[k] = columns[k][row];
-                if shape.hysteresis {
-                    direction[curve + k] = sign * columns[k][row];
-                }
-            }
-            let unit = match power {
-                0 => "bar".to_string(),
-                1 => "bar/A".to_string(),
-                _ => format!("bar/A^{power}"),
-            };
-            out.push(Parameter { name: format!("{name}_c{power}"), value: *value, std_error: error_of(covariance, &direction), unit });
-        }
-    };
-    if shape.hysteresis {
-        add_curve("ascending", &ascending.coefficients, -1.0);
-        add_curve("descending", &descending.coefficients, 1.0);
-    } else {
-        add_curve("curve", &ascending.coefficients, 0.0);
-    }
-    if let Some(k) = shape.ln_a() {
-        let a = fit.theta[k].exp();
-        out.push(Parameter {
-            name: "a".into(),
-            value: a,
-            std_error: a * covariance[(k, k)].sqrt(),
-            unit: units::PRESSURE_SQUARED.symbol.into(),
-        });
-    }
-    let k = shape.delay();
-    out.push(Parameter { name: "delay".into(), value: fit.theta[k], std_error: covariance[(k, k)].sqrt(), unit: "s".into() });
-    if let Some(k) = shape.lag_at() {
-        out.push(Parameter { name: "lag".into(), value: fit.theta[k], std_error: covariance[(k, k)].sqrt(), unit: "s".into() });
-    }
-    out
-}
-
 fn rmse(problem: &Problem<'_>, simulated: &[f64], weights: &[f64]) -> f64 {
     let measured = problem.segments.iter().flat_map(|s| &s.pressure_bar);
     let (mut sum, mut count) = (0.0, 0.0);
@@ -277,15 +230,15 @@ fn rmse(problem: &Problem<'_>, simulated: &[f64], weights: &[f64]) -> f64 {
 }
 
 /// RMSE of the model and of the average model over every sample of a long recording [bar].
-fn rmse_of_all(course: &Course, fit: &Fit) -> (f64, f64) {
+fn rmse_of_all(courses: &[Course], fit: &Fit) -> (f64, f64) {
     let curves = fit.shape.curves(&fit.theta);
     let delay_s = fit.theta[fit.shape.delay()];
     let mut sums = [0.0; 3];
     let (mut delayed, mut out) = (Vec::new(), Vec::new());
-    windows::pieces(course, |segment, skip| {
+    windows::pieces(courses, |segment, skip| {
         delayed.resize(segment.len(), 0.0);
         out.resize(segment.len(), 0.0);
-        segment.delayed(delay_s, &mut delayed);
+        segment.delayed(delay_s, fit.shape.way, &mut delayed);
         for (n, average) in [false, true].into_iter().enumerate() {
             fit.shape.simulate(&fit.theta, &curves, (usize::MAX, segment), &delayed, &mut out, average);
             for (s, p) in out.iter().zip(&segment.pressure_bar).skip(skip).filter(|(_, p)| p.is_finite()) {

@@ -64,7 +64,7 @@ fn along(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64, unit: f6
     if !(error_s.is_finite() && error_s > 0.0 && unit > 0.0 && step_s > 0.0) {
         return vec![own];
     }
-    let delayed = problem.delayed(fit.theta[delay]);
+    let delayed = problem.delayed(fit.theta[delay], shape.way);
     let simulated = problem.simulate(shape, &fit.theta, &delayed, false);
     let columns = problem.jacobian(shape, &fit.theta, &delayed, &simulated, shape.len());
     let effective = effective_weights(&fit.residual_bar, weights, limit);
@@ -72,7 +72,7 @@ fn along(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64, unit: f6
     let node = |delay_s: f64| {
         let mut theta = fit.theta.clone();
         theta[delay] = delay_s;
-        let mut moved = problem.simulate(shape, &theta, &problem.delayed(delay_s), false);
+        let mut moved = problem.simulate(shape, &theta, &problem.delayed(delay_s, shape.way), false);
         let change: Vec<f64> = moved.iter().zip(&simulated).zip(&effective).map(|((m, s), w)| w * (m - s)).collect();
         let gradient =
             DVector::from_iterator(shape.len(), columns.iter().enumerate().map(|(k, c)| if k == delay { 0.0 } else { dot(c, &change) }));

@@ -41,7 +41,7 @@ pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weigh
         flat[0] = 0.5 * survey.span_bar;
         (0.0, 0.0, flat)
     });
-    if !shape.hysteresis {
+    if !shape.has_loop() {
         let mut theta = curve;
         theta.push(delay_s);
         return theta;
@@ -57,7 +57,7 @@ pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weigh
         for s in problem.segments.iter().take(shape.starts) {
             theta.push(shape.measured_start(&curves, s, s.current_a[0]));
         }
-        let simulated = problem.simulate(shape, &theta, &problem.delayed(delay_s), false);
+        let simulated = problem.simulate(shape, &theta, &problem.delayed(delay_s, shape.way), false);
         let cost = problem.loss_of(&simulated, weights, threshold);
         if chosen.as_ref().is_none_or(|c| cost < c.0) {
             chosen = Some((cost, theta));
@@ -69,8 +69,8 @@ pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weigh
 /// The curves by linear least squares at one delay, and the sum of squares.
 fn linear(problem: &Problem<'_>, shape: &Shape, delay_s: f64, weights: &[f64], above_bar: f64) -> Option<(f64, Vec<f64>)> {
     let curve = shape.order + 1;
-    let p = if shape.hysteresis { 2 * curve } else { curve };
-    let delayed = problem.delayed(delay_s);
+    let p = if shape.has_loop() { 2 * curve } else { curve };
+    let delayed = problem.delayed(delay_s, shape.way);
     let (low, high) = shape.range_a;
     let mut normal = DMatrix::<f64>::zeros(p, p);
     let mut right = DVector::<f64>::zeros(p);
@@ -86,7 +86,7 @@ fn linear(problem: &Problem<'_>, shape: &Shape, delay_s: f64, weights: &[f64], a
             }
             let x = ((2.0 * delayed[at] - low - high) / (high - low)).clamp(-1.2, 1.2);
             chebyshev(x, &mut row[..curve]);
-            if shape.hysteresis {
+            if shape.has_loop() {
                 for c in 0..curve {
                     row[curve + c] = -state[j] * row[c];
                 }

@@ -1,6 +1,7 @@
 //! What a recording holds before anything is fitted: noise, outliers, flat bottom and top, covered range, directions.
 
 use super::segment::Segment;
+use crate::valve::Input;
 
 /// Half-width of the window of the outlier test, in samples.
 const OUTLIER_HALF_WINDOW: usize = 2;
@@ -16,6 +17,8 @@ const STILL_SHARE: f64 = 0.02;
 const PLAY_SHARE: f64 = 0.02;
 /// A covered range that ends this share of the recorded one before it, or less, ends with it.
 const HAIR_SHARE: f64 = 0.01;
+/// A floor above zero is seen over this share of the range of the current.
+const FLOOR_SHARE: f64 = 0.05;
 /// Bins of the current in which both directions must have been seen.
 pub(super) const DIRECTION_BINS: usize = 20;
 
@@ -62,7 +65,7 @@ pub(super) fn survey(segments: &mut [Segment], noise_bar: f64) -> Survey {
     let span_bar = pressures.last().copied().unwrap_or(0.0) - pressures.first().copied().unwrap_or(0.0);
     let currents = sorted(segments.iter().flat_map(|s| s.current_a.iter().copied()));
     let recorded_a = (currents.first().copied().unwrap_or(0.0), currents.last().copied().unwrap_or(0.0));
-    let floor_bar = floor(&pressures, noise_bar, span_bar);
+    let floor_bar = floor(segments, &pressures, noise_bar, span_bar, recorded_a);
     let ceiling_bar = ceiling(segments, &pressures, noise_bar, span_bar, recorded_a);
     let mut on_ceiling = 0;
     if let Some(level) = ceiling_bar {
@@ -112,16 +115,25 @@ impl Survey {
         let steady: Vec<Vec<bool>> = segments.iter().map(steady_of).collect();
         self.steady = steady.iter().flatten().filter(|s| **s).count();
         let enough = self.steady * 10 > self.samples;
-        let mut seen = Vec::new();
+        let (mut seen, mut passed) = (Vec::new(), Vec::new());
         for (s, steady) in segments.iter().zip(&steady) {
             let (mut now, mut before) = (vec![0.0; s.len()], vec![0.0; s.len()]);
-            s.delayed(delay_s, &mut now);
-            s.delayed(delay_s + settling_s, &mut before);
+            s.delayed(delay_s, Input::Held.into(), &mut now);
+            s.delayed(delay_s + settling_s, Input::Held.into(), &mut before);
             let settled = |k: usize| !enough || (steady[k] && (now[k] - before[k]).abs() <= still);
             seen.extend(used(s).filter(|k| s.pressure_bar[*k] > above && settled(*k)).map(|k| now[k]));
+            passed.extend(used(s).map(|k| now[k]));
         }
-        let seen = sorted(seen);
-        let covered = (nth(&seen, seen.len() / 1000), nth(&seen, seen.len().saturating_sub(1 + seen.len() / 1000)));
+        let ends = |currents: Vec<f64>| {
+            let sorted = sorted(currents);
+            (nth(&sorted, sorted.len() / 1000), nth(&sorted, sorted.len().saturating_sub(1 + sorted.len() / 1000)))
+        };
+        let (settled, passed) = (ends(seen), ends(passed));
+        // Where neither floor nor ceiling hides the pressure, a current that was only passed shows its curve as well.
+        let covered = (
+            if self.floor_bar.is_none() { settled.0.min(passed.0) } else { settled.0 },
+            if self.ceiling_bar.is_none() { settled.1.max(passed.1) } else { settled.1 },
+        );
         let wide = covered.0.partial_cmp(&covered.1) == Some(std::cmp::Ordering::Less);
         self.covered_a = if wide { self.to_the_turns(covered) } else { self.recorded_a };
         (self.both_directions, self.reversals) = directions(segments, self.covered_a, above);
@@ -187,8 +199,9 @@ fn mark_outliers(s: &mut Segment, limit_bar: f64) -> usize {
     count
 }
 
-/// The level of the bottom, where the pressure stands near zero and never falls below.
-fn floor(pressures: &[f64], noise_bar: f64, span_bar: f64) -> Option<f64> {
+/// The level of the bottom, where the pressure stands near zero, or at one level over a range of currents, and never falls
+/// below.
+fn floor(segments: &[Segment], pressures: &[f64], noise_bar: f64, span_bar: f64, recorded_a: (f64, f64)) -> Option<f64> {
     let lowest = quantile(pressures, 0.01);
     let near = 6.0 * noise_bar + 0.005 * span_bar;
     if lowest < -near || lowest > near.max(0.015 * span_bar) {
@@ -196,7 +209,14 @@ fn floor(pressures: &[f64], noise_bar: f64, span_bar: f64) -> Option<f64> {
     }
     let bottom: Vec<f64> = pressures.iter().copied().take_while(|p| *p < lowest + near).collect();
     let level = quantile(&bottom, 0.5);
-    Some(if level.abs() < (3.0 * noise_bar).max(0.05) { 0.0 } else { level })
+    if level.abs() < (3.0 * noise_bar).max(0.05) {
+        return Some(0.0);
+    }
+    // The lowest level of a step test stands too, but at one current.
+    let on = |s: &Segment, k: usize| (s.pressure_bar[k] - level).abs() < 3.0 * noise_bar;
+    let currents = sorted(segments.iter().flat_map(|s| used(s).filter(move |k| on(s, *k)).map(|k| s.current_a[k])));
+    let wide = quantile(&currents, 0.95) - quantile(&currents, 0.05);
+    (wide > FLOOR_SHARE * (recorded_a.1 - recorded_a.0)).then_some(level)
 }
 
 /// The level of the top, where the pressure stands still while the current moves on.

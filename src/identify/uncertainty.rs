@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{Fit, Problem};
+use super::fit::{Effort, Fit, Problem};
 use super::profile::{Node, without};
 use super::select::correlation_time;
 
@@ -47,6 +47,36 @@ pub(super) fn covariance(fit: &Fit, nodes: &[Node], variance: f64) -> DMatrix<f6
         return inverse(&fit.normal) * variance;
     }
     given + spread * scale
+}
+
+/// Covariance about the fit of a model whose delay shows by whole steps only: a held command and no lag.
+///
+/// Within a sampling interval the loss is flat, and the delay is as likely here as there; the neighbouring intervals count by
+/// their likelihood.
+pub(super) fn staircase(problem: &Problem<'_>, fit: &Fit, (weights, limit): (&[f64], f64), variance: f64) -> DMatrix<f64> {
+    const NEIGHBOURS: i32 = 3;
+    let delay = fit.shape.delay();
+    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+    let mut out = inverse(&without(&fit.normal, delay)) * variance;
+    out.row_mut(delay).fill(0.0);
+    out.column_mut(delay).fill(0.0);
+    let (mut sum, mut spread) = (1.0, DMatrix::zeros(fit.theta.len(), fit.theta.len()));
+    for steps in (-NEIGHBOURS..=NEIGHBOURS).filter(|s| *s != 0) {
+        let mut theta = fit.theta.clone();
+        theta[delay] += f64::from(steps) * step_s;
+        if !(0.0..=problem.delay_max_s).contains(&theta[delay]) {
+            continue;
+        }
+        let there = problem.descend(&fit.shape, &theta, weights, limit, Effort { iterations: 4, free: delay, tolerance: 1e-6 });
+        let likelihood = (-0.5 * (there.cost - fit.cost).max(0.0) / variance).exp();
+        let away = DVector::from_iterator(fit.theta.len(), there.theta.iter().zip(&fit.theta).map(|(n, f)| n - f));
+        spread += likelihood * &away * away.transpose();
+        sum += likelihood;
+    }
+    out += spread / sum;
+    // An even distribution over the interval.
+    out[(delay, delay)] += step_s * step_s / 12.0;
+    out
 }
 
 /// The nodes around the fit up to the first on each side whose loss is more than 3.84 variances above the lowest, and

@@ -1,7 +1,7 @@
 //! What a user must know about an identified model.
 
 use super::fit::{Fit, Problem};
-use super::outcome::Parameter;
+use super::parameters::Parameter;
 use super::survey::Survey;
 use super::{HysteresisChoice, Options};
 use crate::course::Course;
@@ -13,8 +13,8 @@ const LARGEST_CURRENT_A: f64 = 5.0;
 const MIN_REVERSALS: usize = 2;
 
 /// What was found and handled.
-pub(super) fn notes(course: &Course, survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
-    let mut out = course.notes.clone();
+pub(super) fn notes(courses: &[Course], survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
+    let mut out: Vec<String> = courses.iter().flat_map(|c| c.notes.iter().cloned()).collect();
     let share = 100.0 * survey.steady as f64 / survey.samples.max(1) as f64;
     out.push(format!("{} of {} samples ({share:.0} %) are steady enough to lie on a static curve", survey.steady, survey.samples));
     if survey.outliers > 0 {
@@ -33,7 +33,7 @@ pub(super) fn notes(course: &Course, survey: &Survey, fit: &Fit, valve: &Valve) 
         };
         out.push(format!("the pressure stands at a floor of {floor:.3} bar{from}"));
     }
-    if fit.shape.hysteresis {
+    if fit.shape.has_loop() {
         let late_s = valve.delay_s + valve.lag_s;
         let wide_a = 2.0 * survey.rate_a_per_s * late_s;
         let slope = fit.theta.get(1).map_or(0.0, |c| 2.0 * c / (fit.shape.range_a.1 - fit.shape.range_a.0));
@@ -45,15 +45,16 @@ pub(super) fn notes(course: &Course, survey: &Survey, fit: &Fit, valve: &Valve) 
             wide_a * slope
         ));
     }
-    if course.runs.len() > 1 {
-        out.push(format!("{} runs, each simulated from its own start", course.runs.len()));
+    let runs: usize = courses.iter().map(|c| c.runs.len()).sum();
+    if runs > 1 {
+        out.push(format!("{runs} runs, each simulated from its own start"));
     }
     out
 }
 
 /// How a long recording was fitted.
-pub(super) fn windows_note(course: &Course, problem: &Problem<'_>) -> String {
-    let samples = course.samples();
+pub(super) fn windows_note(courses: &[Course], problem: &Problem<'_>) -> String {
+    let samples: usize = courses.iter().map(Course::samples).sum();
     format!(
         "of {samples} samples, {} in {} windows were fitted that together show every current, direction and rate; the RMSE is that of all samples",
         problem.len(),
@@ -93,10 +94,10 @@ pub(super) fn warnings(
             "the input reaches {largest:.1}, much for a current in A: a duty or a command in other units comes in by --map current_a=\"..\""
         ));
     }
-    if !fit.shape.hysteresis && options.hysteresis != HysteresisChoice::None {
+    if !fit.shape.has_loop() && options.hysteresis != HysteresisChoice::None {
         out.push("rising and falling currents never meet at the same pressure in this recording (step tests?): no hysteresis could be identified, and the model has none; a slow sweep up and down shows it".into());
     }
-    if fit.shape.hysteresis {
+    if fit.shape.has_loop() {
         if survey.reversals < MIN_REVERSALS {
             out.push(format!("{} reversal of the current: the parameter a of the hyperbola is hardly seen", survey.reversals));
         }

@@ -24,13 +24,15 @@ const RUN_UP: usize = 3_000;
 const PIECE: usize = 100_000;
 
 /// The segments to fit, and whether they are the whole recording.
-pub(super) fn segments(course: &Course) -> (Vec<Segment>, bool) {
-    if course.samples() <= WHOLE {
-        return (course.runs.iter().filter_map(|r| Segment::from_run(r, 0..r.len())).filter(|s| s.len() >= 5).collect(), true);
+pub(super) fn segments(courses: &[Course]) -> (Vec<Segment>, bool) {
+    let samples: usize = courses.iter().map(Course::samples).sum();
+    if samples <= WHOLE {
+        return (runs(courses).filter_map(|(source, r)| Segment::from_run(source, r, 0..r.len())).filter(|s| s.len() >= 5).collect(), true);
     }
-    let (low, high) = course.current_range_a();
+    let (low, high) = range(courses);
     let mut windows: Vec<(usize, Range<usize>)> = Vec::new();
-    for (k, run) in course.runs.iter().enumerate() {
+    let runs: Vec<(usize, &Run)> = runs(courses).collect();
+    for (k, (_, run)) in runs.iter().enumerate() {
         let mut from = 0;
         while from < run.len() {
             let to = (from + WINDOW).min(run.len());
@@ -40,7 +42,7 @@ pub(super) fn segments(course: &Course) -> (Vec<Segment>, bool) {
             from = to;
         }
     }
-    let shown: Vec<[u32; BINS * KINDS]> = windows.iter().map(|(k, w)| shown(&course.runs[*k], w, low, high)).collect();
+    let shown: Vec<[u32; BINS * KINDS]> = windows.iter().map(|(k, w)| shown(runs[*k].1, w, low, high)).collect();
     let mut count = [0.0f64; BINS * KINDS];
     let mut taken: Vec<usize> = Vec::new();
     while taken.len() < WINDOWS.min(windows.len()) {
@@ -56,8 +58,22 @@ pub(super) fn segments(course: &Course) -> (Vec<Segment>, bool) {
         taken.push(best);
     }
     taken.sort_unstable();
-    let chosen = taken.iter().filter_map(|n| Segment::from_run(&course.runs[windows[*n].0], windows[*n].1.clone()));
+    let chosen = taken.iter().filter_map(|n| {
+        let (source, run) = runs[windows[*n].0];
+        Segment::from_run(source, run, windows[*n].1.clone())
+    });
     (chosen.filter(|s| s.len() >= 5).collect(), false)
+}
+
+/// The runs of all recordings, each with the number of its recording.
+fn runs(courses: &[Course]) -> impl Iterator<Item = (usize, &Run)> {
+    courses.iter().enumerate().flat_map(|(source, r)| r.runs.iter().map(move |run| (source, run)))
+}
+
+/// Range of the recorded currents [A].
+pub(super) fn range(courses: &[Course]) -> (f64, f64) {
+    let wide = |(low, high): (f64, f64), (l, h): (f64, f64)| (low.min(l), high.max(h));
+    courses.iter().map(Course::current_range_a).fold((f64::INFINITY, f64::NEG_INFINITY), wide)
 }
 
 /// How many samples of each kind of movement in each bin of the current a window holds.
@@ -79,13 +95,13 @@ fn shown(run: &Run, window: &Range<usize>, low: f64, high: f64) -> [u32; BINS * 
 }
 
 /// Calls `with` for pieces of all runs: the piece with its run-up, and the number of samples that belong to the run-up.
-pub(super) fn pieces(course: &Course, mut with: impl FnMut(&Segment, usize)) {
-    for run in &course.runs {
+pub(super) fn pieces(courses: &[Course], mut with: impl FnMut(&Segment, usize)) {
+    for (source, run) in runs(courses) {
         let mut from = 0;
         while from < run.len() {
             let to = (from + PIECE).min(run.len());
             let begin = from.saturating_sub(RUN_UP);
-            if let Some(segment) = Segment::from_run(run, begin..to) {
+            if let Some(segment) = Segment::from_run(source, run, begin..to) {
                 // The segment may begin later, at the first sample that holds both channels.
                 let dropped = (to - begin) - segment.len();
                 with(&segment, (from - begin).saturating_sub(dropped));
@@ -101,10 +117,10 @@ mod tests {
     use crate::course::Preparation;
     use crate::recording::{self, Recording};
 
-    fn course(current_a: Vec<f64>) -> Course {
+    fn course(current_a: Vec<f64>) -> [Course; 1] {
         let time_s = (0..current_a.len()).map(|k| k as f64 * 0.01).collect();
         let run = recording::Run { time_s, pressure_bar: Some(current_a.clone()), current_a, ..recording::Run::default() };
-        Course::take(Recording { runs: vec![run], ..Recording::default() }, &Preparation::default()).unwrap()
+        [Course::take(Recording { runs: vec![run], ..Recording::default() }, &Preparation::default()).unwrap()]
     }
 
     #[test]

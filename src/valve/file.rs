@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{FreeLoop, Hysteresis, MOST_PLAYS, Polynomial, ReferenceCurves, Valve, ValveError, WIDEST_PLAY};
+use super::{FreeLoop, Hysteresis, Identification, MOST_PLAYS, Polynomial, ReferenceCurves, Valve, ValveError, WIDEST_PLAY};
 use crate::document;
 use crate::units::{Current, Pressure, PressureSquared, Time};
 
@@ -20,39 +20,6 @@ pub struct EffectSpec {
     pub id: String,
     /// Name and text with unit of each parameter, for instance `tau` and `45 ms`.
     pub parameters: Vec<(String, String)>,
-}
-
-/// How a model was found, and how sure that is.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Identification {
-    /// Name of the recording.
-    pub recording: String,
-    /// SHA-256 of the recording's bytes, hex.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sha256: Option<String>,
-    /// RMSE of the model on the recording [bar].
-    pub rmse: Option<Pressure>,
-    /// RMSE of the average model on the recording [bar].
-    pub rmse_average_model: Option<Pressure>,
-    /// Range of current that the recording covered [A].
-    pub covered: Option<(Current, Current)>,
-    /// Parameters with their standard errors, by name.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub parameters: BTreeMap<String, ParameterEstimate>,
-    /// What the recording could not carry.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub warnings: Vec<String>,
-}
-
-/// An estimate with its standard error, both as text with the unit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ParameterEstimate {
-    /// The estimate.
-    pub value: String,
-    /// One standard deviation.
-    pub std_error: String,
 }
 
 /// A valve file as it is written.
@@ -302,8 +269,8 @@ impl Valve {
     }
 }
 
-/// Longest delay or lag that a valve file may name [s]: beyond that it is no valve.
-const MAX_TIME_S: f64 = 100.0;
+/// Longest delay or lag that a valve file may name [s], and that `identify` writes: slow processes have lags of minutes.
+pub const MAX_TIME_S: f64 = 10_000.0;
 
 #[cfg(test)]
 mod tests {

@@ -9,21 +9,27 @@ mod error;
 mod file;
 mod free;
 mod hyperbola;
+mod identification;
 mod path;
 mod polynomial;
 mod stretch;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 pub use curves::ReferenceCurves;
 pub use error::ValveError;
-pub use file::{EffectSpec, Identification, ParameterEstimate, ValveFile};
+pub use file::{EffectSpec, MAX_TIME_S, ValveFile};
 pub use free::{FreeLoop, FreeState, MOST_PLAYS, WIDEST_PLAY};
 pub use hyperbola::{HyperbolaState, InverseState};
+pub use identification::{Identification, IdentifiedRecording, ParameterEstimate};
 pub use path::{HysteresisInverse, HysteresisState};
 pub use polynomial::Polynomial;
 pub use stretch::{hyperbola_per_sample, hyperbola_stretches};
 
 /// What a command does between two of its samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Input {
     /// It stands until the next message, as behind every driver that gets its set-point in messages.
     Held,

@@ -22,6 +22,7 @@ pub fn html(found: &Identified) -> String {
         @if !found.warnings.is_empty() {
             .notice.bad { @for warning in &found.warnings { p { (warning) } } }
         }
+        @if found.quality.adequate { p { (found.quality.why) "." } } @else { .notice.bad { p { (found.quality.why) "." } } }
         (tiles(found))
         h2 { "The loop" }
         (loops(found))
@@ -50,6 +51,7 @@ fn tiles(found: &Identified) -> Markup {
     html! {
         .tiles {
             (tile("RMSE of the model", format!("{:.4}", found.rmse_bar), "bar", format!("sensor noise {:.4} bar", valve.noise_bar)))
+            (tile("pressure explained", format!("{:.3}", found.quality.fit_percent), "%", if found.quality.adequate { "the form fits".into() } else { "the form does not fit".into() }))
             (tile("RMSE of the average model", format!("{:.4}", found.rmse_average_model_bar), "bar", "mean of both curves".into()))
             (tile("delay", format!("{:.2}", 1e3 * valve.delay_s), "ms", format!("margins are judged from {:.1} ms to {:.1} ms", 1e3 * valve.delay_range_s.0, 1e3 * valve.delay_range_s.1)))
             (tile("lag", format!("{:.2}", 1e3 * valve.lag_s), "ms", if valve.lag_s > 0.0 { String::new() } else { "none is shown by the data".into() }))
@@ -132,6 +134,6 @@ fn orders(found: &Identified) -> Markup {
     Figure::new("Held-out error by order of the curves", "order", "error [bar]")
         .bars("held-out error", Color::Measured, x, y)
         .height(160)
-        .caption("Fitted on half of the blocks of the recording and judged on the other half, both ways; the lowest order within 0.4 % of the best is taken.")
+        .caption("Fitted without some of the blocks or runs, judged on them; the lowest order is taken that the best does not beat beyond one standard error between the blocks.")
         .render()
 }

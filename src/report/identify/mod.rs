@@ -8,15 +8,18 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use crate::identify::{Identified, Parameter};
+use crate::identify::{CurvePoint, Identified, Parameter};
 use crate::report::text::{COLUMNS, fold};
+use crate::valve::Hysteresis;
 
 /// The JSON document; the keys are part of the contract.
 pub fn json(found: &Identified) -> String {
     let valve = &found.valve;
     let a_bar2 = valve.hysteresis.a_bar2();
     let parameter = |p: &Parameter| {
-        (p.name.clone(), json!({ "value": p.value, "std_error": p.std_error.is_finite().then_some(p.std_error), "unit": p.unit }))
+        let known = p.std_error.is_finite();
+        let interval = known.then_some([p.interval.0, p.interval.1]);
+        (p.name.clone(), json!({ "value": p.value, "std_error": known.then_some(p.std_error), "interval": interval, "unit": p.unit }))
     };
     let document = json!({
         "schema": "hil.identification/1",
@@ -27,13 +30,27 @@ pub fn json(found: &Identified) -> String {
             "r2_ascending": found.r2_ascending,
             "r2_descending": found.r2_descending,
             "range_a": [valve.curves.range_a.0, valve.curves.range_a.1],
+            "points": found.curve_points.iter().map(point).collect::<Vec<_>>(),
         },
+        "hysteresis": valve.hysteresis.name(),
+        "plays": plays(&valve.hysteresis),
+        "input": found.input.name(),
         "a_bar2": a_bar2,
         "delay_s": valve.delay_s,
         "delay_range_s": [valve.delay_range_s.0, valve.delay_range_s.1],
         "lag_s": valve.lag_s,
         "floor_bar": valve.floor_bar,
         "noise_bar": valve.noise_bar,
+        "fit_percent": found.quality.fit_percent,
+        "adequate": found.quality.adequate,
+        "why": found.quality.why,
+        "residual": {
+            "noise_ratio": found.quality.noise_ratio.is_finite().then_some(found.quality.noise_ratio),
+            "share_by_current": found.quality.by_current,
+            "share_by_rate": found.quality.by_rate,
+        },
+        "heldout_bar": found.heldout_bar,
+        "recordings": recordings(found),
         "rmse_bar": found.rmse_bar,
         "rmse_fitted_bar": found.rmse_fitted_bar,
         "rmse_average_model_bar": found.rmse_average_model_bar,
@@ -46,6 +63,42 @@ pub fn json(found: &Identified) -> String {
     let mut text = serde_json::to_string_pretty(&document).unwrap_or_default();
     text.push('\n');
     text
+}
+
+fn point(p: &CurvePoint) -> Value {
+    json!({
+        "current_a": p.current_a,
+        "ascending_bar": p.ascending_bar,
+        "ascending_std_error_bar": p.ascending_std_error_bar,
+        "descending_bar": p.descending_bar,
+        "descending_std_error_bar": p.descending_std_error_bar,
+    })
+}
+
+/// The stack of a free loop; `null` for another form.
+fn plays(hysteresis: &Hysteresis) -> Value {
+    match hysteresis {
+        Hysteresis::Free(stack) => {
+            stack.plays().map(|(half_width, weight)| json!({ "half_width": half_width, "weight": weight })).collect()
+        }
+        Hysteresis::None | Hysteresis::Hyperbolic { .. } => Value::Null,
+    }
+}
+
+/// What the model leaves of each recording.
+fn recordings(found: &Identified) -> Vec<Value> {
+    let of = found.valve.identification.iter().flat_map(|i| &i.recordings);
+    of.map(|r| {
+        json!({
+            "name": r.name,
+            "sha256": r.sha256,
+            "samples": r.samples,
+            "rmse_bar": r.rmse.value(),
+            "form_error_bar": r.form_error.value(),
+            "correlation_time_s": r.correlation_time.value(),
+        })
+    })
+    .collect()
 }
 
 /// The findings in 80 columns.
@@ -72,6 +125,12 @@ pub fn text(found: &Identified) -> String {
     if (found.rmse_fitted_bar - found.rmse_bar).abs() > 5e-5 {
         line(&mut out, "RMSE where it was fitted", format!("{:.4} bar", found.rmse_fitted_bar));
     }
+    line(&mut out, "pressure explained", format!("{:.3} %", found.quality.fit_percent));
+    if let Some(heldout) = found.heldout_bar {
+        line(&mut out, "error on held-out samples", format!("{heldout:.4} bar"));
+    }
+    line(&mut out, "path between the curves", valve.hysteresis.name().into());
+    line(&mut out, "command between its samples", found.input.name().into());
     line(&mut out, "RMSE of the average model", format!("{:.4} bar", found.rmse_average_model_bar));
     for (name, value) in [("R^2 rising", found.r2_ascending), ("R^2 falling", found.r2_descending)] {
         if let Some(value) = value {
@@ -82,6 +141,11 @@ pub fn text(found: &Identified) -> String {
         let tried: Vec<String> = found.orders.iter().map(|o| format!("{}: {:.4}", o.order, o.heldout_bar)).collect();
         paragraph(&mut out, "", &format!("held-out error [bar] by order of the curves: {}", tried.join(", ")));
     }
+    let recordings = valve.identification.iter().flat_map(|i| &i.recordings);
+    for r in recordings.filter(|_| found.valve.identification.as_ref().is_some_and(|i| i.recordings.len() > 1)) {
+        paragraph(&mut out, "recording", &format!("{}: {} samples, RMSE {:.4} bar", r.name, r.samples, r.rmse.value()));
+    }
+    paragraph(&mut out, "fit", &found.quality.why);
     for (title, list) in [("note", &found.notes), ("warning", &found.warnings)] {
         for item in list {
             paragraph(&mut out, title, item);
