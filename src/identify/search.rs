@@ -153,9 +153,12 @@ fn first_fit(problem: &Problem<'_>, survey: &Survey, options: &Options, input: O
     }
     let (held, ramp) = rayon::join(|| with(Input::Held.into()), || with(Way { input: Input::Ramp, corners: true }));
     // The convention stands where the data do not speak against it.
+    let gain = |ramp: &Fit| select::gain(problem, &held, ramp, weights, survey.noise_bar);
     let against = if Input::default() == Input::Held { INPUT_GAIN } else { -INPUT_GAIN };
-    if select::gain(problem, &held, &ramp, weights, survey.noise_bar) <= against {
-        return held;
+    if gain(&ramp) <= against {
+        // A recording that was simulated on straight lines has lost their corners.
+        let cut = with(Input::Ramp.into());
+        return if gain(&cut) <= against { held } else { cut };
     }
     // As every command simulates it.
     let shape = Shape { way: Input::Ramp.into(), ..ramp.shape };
