@@ -23,10 +23,11 @@ pub fn options(hysteresis: Option<&str>, order: Option<usize>, name: Option<Stri
     let hysteresis = match hysteresis {
         None => HysteresisChoice::Auto,
         Some("hyperbolic") => HysteresisChoice::Hyperbolic,
+        Some("free") => HysteresisChoice::Free,
         Some("none") => HysteresisChoice::None,
-        Some(other) => return Err(format!("hysteresis `{other}`: \"hyperbolic\" and \"none\" are allowed")),
+        Some(other) => return Err(format!("hysteresis `{other}`: \"hyperbolic\", \"free\" and \"none\" are allowed")),
     };
-    Ok(Options { name, order, hysteresis, sha256: None })
+    Ok(Options { name, order, hysteresis, ..Options::default() })
 }
 
 /// What the command does between its samples.
