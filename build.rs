@@ -1,4 +1,5 @@
-//! Collects the sources whose doc comments `hil explain` prints, so that no list of them has to be kept.
+//! Collects the sources whose doc comments `hil explain` prints and the files that ship inside the binary, so that no
+//! list of them has to be kept.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,8 +21,27 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     table.push_str("]\n");
-    std::fs::write(PathBuf::from(std::env::var("OUT_DIR")?).join("sources.rs"), table)?;
+    let out = PathBuf::from(std::env::var("OUT_DIR")?);
+    std::fs::write(out.join("sources.rs"), table)?;
+    std::fs::write(out.join("shipped.rs"), shipped()?)?;
     Ok(())
+}
+
+/// Plans, valves, profiles and the example of a batch, as pairs of path and text, so that the binary needs no repository.
+fn shipped() -> Result<String, Box<dyn std::error::Error>> {
+    let root = PathBuf::from(std::env::var("CARGO_MANIFEST_DIR")?);
+    let mut table = String::from("&[\n");
+    for folder in ["plans", "valves", "drivers", "examples/batch"] {
+        println!("cargo:rerun-if-changed={folder}");
+        let mut files: Vec<PathBuf> = std::fs::read_dir(root.join(folder))?.map(|e| e.map(|e| e.path())).collect::<Result<_, _>>()?;
+        files.sort();
+        for file in files.iter().filter(|f| f.extension().is_some_and(|e| e == "toml")) {
+            let name = file.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
+            writeln!(table, "    ({:?}, include_str!({:?})),", format!("{folder}/{name}"), file.display().to_string())?;
+        }
+    }
+    table.push_str("]\n");
+    Ok(table)
 }
 
 fn collect(path: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {

@@ -15,6 +15,9 @@ pub struct DocumentError(pub String);
 
 /// Reads the text of a document, refusing a directory, a file that is not text, an empty and a huge one.
 pub fn read(path: &std::path::Path) -> Result<String, DocumentError> {
+    if let Some(text) = crate::shipped::text(path) {
+        return Ok(text.into());
+    }
     let name = path.display();
     let fail = |problem: String| DocumentError(format!("{name}: {problem}"));
     let meta = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?;
@@ -49,6 +52,17 @@ pub fn read_table(path: &std::path::Path) -> Result<Vec<u8>, DocumentError> {
 /// Reads `text` as a `T`. Unknown keys, wrong types and wrong units are errors that underline the token.
 pub fn parse<T: DeserializeOwned>(text: &str, source_name: &str) -> Result<T, DocumentError> {
     toml::from_str(text).map_err(|error| explain(text, source_name, &error))
+}
+
+/// Whether a text is of the wanted kind, by its `schema` key: a file of another kind is not refused for its first strange key.
+/// What is no TOML is left to the reader that says where.
+pub fn expect_schema(text: &str, source_name: &str, schema: &str, what: &str) -> Result<(), DocumentError> {
+    let Ok(table) = text.parse::<toml::Table>() else { return Ok(()) };
+    match table.get("schema") {
+        Some(toml::Value::String(found)) if found == schema => Ok(()),
+        Some(found) => Err(underline_key(text, source_name, "schema", &format!("is {found}; {what} has \"{schema}\""))),
+        None => Err(DocumentError(format!("{source_name}: schema: is missing; {what} has \"{schema}\""))),
+    }
 }
 
 /// What the parser says, with the place underlined and, for a mistyped name, what was probably meant.

@@ -6,6 +6,8 @@
 
 pub mod units;
 
+pub mod shipped;
+
 pub mod document;
 
 pub mod output;

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 /// The rooms in the order of dependence: a room may use only those before it.
-const ROOMS: [&str; 22] = [
+const ROOMS: [&str; 23] = [
+    "shipped",
     "document",
     "output",
     "units",

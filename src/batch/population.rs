@@ -108,11 +108,9 @@ impl Population {
 
     /// Reads the text of a population file; `source_name` stands in the messages.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, BatchError> {
+        document::expect_schema(text, source_name, SCHEMA, "a population file").map_err(|e| BatchError::Input(e.0))?;
         let population: Self = document::parse(text, source_name).map_err(|e| BatchError::Input(e.0))?;
         let wrong = |key: &str, problem: String| Err(BatchError::Input(format!("{source_name}: {key}: {problem}")));
-        if population.schema != SCHEMA {
-            return wrong("schema", format!("is `{}`; a population file has `{SCHEMA}`", population.schema));
-        }
         let s = &population.spread;
         let deviations = [
             ("gain", s.gain.value()),

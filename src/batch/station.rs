@@ -131,11 +131,9 @@ impl Station {
 
     /// Reads the text of a station file; `source_name` stands in the messages.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, BatchError> {
+        document::expect_schema(text, source_name, SCHEMA, "a station file").map_err(|e| BatchError::Input(e.0))?;
         let station: Self = document::parse(text, source_name).map_err(|e| BatchError::Input(e.0))?;
         let wrong = |key: &str, problem: String| Err(BatchError::Input(format!("{source_name}: {key}: {problem}")));
-        if station.schema != SCHEMA {
-            return wrong("schema", format!("is `{}`; a station file has `{SCHEMA}`", station.schema));
-        }
         if station.id.trim().is_empty() {
             return wrong("id", "is blank".into());
         }
@@ -220,7 +218,13 @@ expect = "pass"
     fn a_wrong_station_names_the_place() {
         let message = |from: &str, to: &str| Station::from_toml(&BENCH.replace(from, to), "bench.toml").unwrap_err().to_string();
         insta::assert_snapshot!(message("due = \"2027-01-14\"", "due = \"2025-01-14\""), @"bench.toml: instrument[0].due: 2025-01-14 lies before the calibration");
-        insta::assert_snapshot!(message("hil.station/1", "hil.station/2"), @"bench.toml: schema: is `hil.station/2`; a station file has `hil.station/1`");
+        insta::assert_snapshot!(message("hil.station/1", "hil.station/2"), @r#"
+        schema: is "hil.station/2"; a station file has "hil.station/1"
+         --> bench.toml:2:10
+          |
+        2 | schema = "hil.station/2"
+          |          ^^^^^^^^^^^^^^^
+        "#);
         assert!(message("2027-01-14", "14.1.27").contains("bench.toml:13:"));
     }
 }

@@ -11,8 +11,8 @@ use super::batch_bench::{Bench, Setup};
 use super::batch_folder;
 use super::batch_prompt::{Seen, lock};
 use super::outputs::Force;
-use super::run::{exit_code, key_value, stop_on_signals};
-use super::{CliError, CliResult, exit};
+use super::run::{exit_code, key_value, sha256, stop_on_signals};
+use super::{CliError, CliResult, exit, files};
 use crate::batch::campaign::{self, Confirmed, Job, Retry, Rules};
 use crate::batch::journal::{Kind, Line, encode};
 use crate::batch::population::Population;
@@ -27,7 +27,7 @@ use crate::report;
 /// Arguments of `hil batch`.
 #[derive(Debug, Args)]
 pub struct BatchArgs {
-    /// Plan file.
+    /// Plan file, or a bare name.
     pub plan: PathBuf,
     /// CSV file with the valves: serial, part_number, revision, lot.
     #[arg(long, value_name = "FILE", group = "valves")]
@@ -140,20 +140,21 @@ pub fn run(args: &BatchArgs) -> CliResult {
     if args.duts.is_none() && args.count.is_none() && !args.prompt {
         return Err(CliError::usage("give the valves: --duts FILE, --count N (simulated) or --prompt"));
     }
-    let mut plan = Plan::load(&args.plan, &args.set).map_err(CliError::input)?;
-    let limits = args.limits.as_deref().map(LimitsFile::load).transpose().map_err(CliError::input)?;
+    let mut plan = files::plan(&args.plan, &args.set)?;
+    let limits_path = files::limits(args.limits.as_deref(), &plan.name)?;
+    let limits = limits_path.as_deref().map(LimitsFile::load).transpose().map_err(CliError::input)?;
     if let Some(limits) = &limits {
         plan.apply_limits(limits).map_err(CliError::input)?;
     }
     let (station, station_block) = station(args, &plan)?;
     let population = match &args.population {
-        Some(path) => Some(Population::load(path).map_err(failed)?),
+        Some(path) => Some(Population::load(&files::batch_file(path)?).map_err(failed)?),
         None => args.count.map(|_| Population::standard()),
     };
     let form = |_: &Dut| limits.as_ref().map_or_else(SerialForm::default, |l| l.serial.clone());
     let valves = valves(args, form)?;
     let setup = Setup::new(&args.rig, plan, population.clone(), args.seed, station.as_ref())?;
-    let header = header(args, &setup, population, limits.as_ref(), station_block, valves.as_deref())?;
+    let header = header(args, &setup, population, limits_path.as_deref().zip(limits.as_ref()), station_block, valves.as_deref())?;
     let dir = folder(args, &setup.plan.name)?;
     let begins = !dir.join("batch.json").exists() && !dir.join("journal").exists();
     let inputs = [Some(&args.plan), args.duts.as_ref(), args.limits.as_ref(), args.station.as_ref(), args.population.as_ref()];
@@ -241,7 +242,7 @@ fn conduct(
     };
     super::print(&printed)?;
     if args.format == Format::Text {
-        super::note(&format!("stored in {}", store.dir().display()));
+        super::say(&format!("stored in {}", store.dir().display()));
     }
     if bench.down.load(Ordering::Relaxed) {
         super::note("the station failed, so the batch stopped; put it right and go on with --resume --retest");
@@ -308,18 +309,17 @@ fn header(
     args: &BatchArgs,
     setup: &Setup,
     population: Option<Population>,
-    limits: Option<&LimitsFile>,
+    limits: Option<(&Path, &LimitsFile)>,
     station: Option<serde_json::Value>,
     valves: Option<&[Dut]>,
 ) -> Result<Header, CliError> {
     let plan = &setup.plan;
-    let limits_of = match (&args.limits, limits) {
-        (Some(path), Some(file)) => {
+    let limits_of = match limits {
+        Some((path, file)) => {
             let part = [file.part_number.as_deref(), file.revision.as_deref()].into_iter().flatten().collect::<Vec<_>>().join(" ");
-            let bytes = std::fs::read(path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
-            Some((part, hex(&bytes)))
+            Some((part, sha256(path)?))
         }
-        _ => None,
+        None => None,
     };
     let retry = retry(plan);
     Ok(Header {
@@ -335,7 +335,7 @@ fn header(
         valves_sha256: valves.map(|v| hex(&serde_json::to_vec(v).unwrap_or_default())),
         population,
         limits: limits_of,
-        decision_rule: limits.map_or(crate::limits::DecisionRule::Simple, |l| l.decision_rule).text().into(),
+        decision_rule: limits.map_or(crate::limits::DecisionRule::Simple, |l| l.1.decision_rule).text().into(),
         attempts: (retry.most, retry.after.iter().map(|o| crate::batch::index::outcome_text(*o).to_string()).collect()),
         station,
         version: env!("CARGO_PKG_VERSION").into(),

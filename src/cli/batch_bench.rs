@@ -10,8 +10,8 @@ use clap::Args;
 use super::batch::ValveReports;
 use super::batch_folder::attempt_folder;
 use super::on_wire::{self, WireArgs};
-use super::run::{believed, load_valve};
-use super::{CliError, exit, run_folder};
+use super::run::{believed, sha256};
+use super::{CliError, exit, files, run_folder};
 use crate::batch::BatchError;
 use crate::batch::campaign::{Job, Retry, Worker};
 use crate::batch::population::{Population, valve_seed};
@@ -65,7 +65,7 @@ impl Setup {
         if !args.sim && args.wire.driver.is_none() {
             return Err(CliError::usage("say on what: --sim, or --driver PROFILE with --port DEV or --tcp HOST:PORT"));
         }
-        let (valve, path) = load_valve(args.valve.as_deref().or(plan.valve.as_deref()).unwrap_or("paper"))?;
+        let (valve, path) = files::valve_under(&plan, args.valve.as_deref())?;
         let model = believed(&plan, &valve)?;
         plan.check_valve(&model).and_then(|()| plan.check_valve(&valve)).map_err(CliError::input)?;
         let sites = sites(args, station)?;
@@ -200,11 +200,6 @@ fn driver_identity(driver: &str) -> Result<RigIdentity, CliError> {
 
 fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-fn sha256(path: &Path) -> Result<String, CliError> {
-    let bytes = std::fs::read(path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
-    Ok(super::batch::hex(&bytes))
 }
 
 /// The workers of a campaign.

@@ -5,29 +5,39 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::run::{believed, checked_valve};
-use super::{CliError, CliResult, exit};
+use super::{CliError, CliResult, exit, files};
 use crate::document::{self, nearest};
 use crate::plan::{LIMITS_SCHEMA, LimitsFile, Plan};
 use crate::rig::profile::Profile;
 use crate::runner::Prepared;
-use crate::valve::Valve;
 
 /// Arguments of `hil check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
     /// Files to check; the kind follows from the `schema` key.
-    #[arg(required = true)]
+    ///
+    /// Shipped files go by their bare names. Without any, every file of the project is checked: `hil.toml` and what lies
+    /// in its plans/, valves/, drivers/ and limits/.
     files: Vec<PathBuf>,
 }
 
 /// The kinds of file that are known, by their schema key.
-const KINDS: [&str; 6] =
-    [crate::plan::SCHEMA, "hil.valve/1", "hil.driver/1", crate::batch::station::SCHEMA, crate::batch::population::SCHEMA, LIMITS_SCHEMA];
+const KINDS: [&str; 7] = [
+    crate::plan::SCHEMA,
+    "hil.valve/1",
+    "hil.driver/1",
+    crate::batch::station::SCHEMA,
+    crate::batch::population::SCHEMA,
+    LIMITS_SCHEMA,
+    files::SCHEMA,
+];
 
 /// Runs the command: every file is checked, also after one that is wrong.
 pub fn run(args: &CheckArgs) -> CliResult {
     let mut wrong = 0;
-    for path in &args.files {
+    let files = if args.files.is_empty() { files::of_project()? } else { args.files.clone() };
+    for path in &files {
+        let path = &files::any(path);
         match check(path) {
             Ok(said) => super::print(&format!("ok     {}: {said}\n", path.display()))?,
             Err(error) => {
@@ -36,7 +46,7 @@ pub fn run(args: &CheckArgs) -> CliResult {
             }
         }
     }
-    if wrong == 0 { Ok(exit::DONE) } else { Err(CliError::input(format!("{wrong} of {} files are wrong", args.files.len()))) }
+    if wrong == 0 { Ok(exit::DONE) } else { Err(CliError::input(format!("{wrong} of {} files are wrong", files.len()))) }
 }
 
 /// Checks one file; what it is in a few words.
@@ -45,6 +55,10 @@ fn check(path: &Path) -> Result<String, CliError> {
     match schema(&text).as_deref() {
         Some(crate::plan::SCHEMA) => plan(path),
         Some("hil.valve/1") => valve(path),
+        Some(files::SCHEMA) => {
+            let project = files::ProjectFile::load(path)?;
+            Ok(format!("project `{}`", project.name))
+        }
         Some("hil.driver/1") => {
             let profile = Profile::load(path).map_err(CliError::input)?;
             Ok(format!("driver profile `{}`", profile.name))
@@ -85,7 +99,7 @@ fn schema(text: &str) -> Option<String> {
 
 fn plan(path: &Path) -> Result<String, CliError> {
     let plan = Plan::load(path, &[]).map_err(CliError::input)?;
-    let valve = Valve::find(plan.valve.as_deref().unwrap_or("paper")).and_then(|p| Valve::load(&p)).map_err(CliError::input)?;
+    let (valve, _) = files::valve_under(&plan, None)?;
     let model = believed(&plan, &valve)?;
     plan.check_valve(&model).map_err(CliError::input)?;
     if let Some(stability) = Prepared::new(&plan, &model).stability
@@ -107,6 +121,7 @@ fn valve(path: &Path) -> Result<String, CliError> {
     let valve = checked_valve(path)?;
     let (low, high) = valve.curves.range_a;
     let (bottom, top) = valve.curves.pressure_range_bar();
+    let beyond = valve.warnings().into_iter().map(|w| format!("; note: {w}")).collect::<String>();
     let effects = if valve.effects.is_empty() { String::new() } else { format!(", {} effects", valve.effects.len()) };
-    Ok(format!("valve `{}`, curves hold from {low:.3} A to {high:.3} A ({bottom:.2} bar to {top:.2} bar){effects}", valve.name))
+    Ok(format!("valve `{}`, curves hold from {low:.3} A to {high:.3} A ({bottom:.2} bar to {top:.2} bar){effects}{beyond}", valve.name))
 }

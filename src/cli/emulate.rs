@@ -8,8 +8,8 @@ use std::time::Duration;
 use clap::Args;
 
 use super::on_wire::load_profile;
-use super::run::{load_valve, stop_on_signals};
-use super::{CliError, CliResult, exit};
+use super::run::stop_on_signals;
+use super::{CliError, CliResult, exit, files};
 use crate::physics::Plant;
 use crate::rig::emulator::{Emulator, Faults, Listen, Listening, Load};
 use crate::rig::profile::Profile;
@@ -56,7 +56,7 @@ pub struct EmulateArgs {
 /// Serves until a signal ends it.
 pub fn run(args: &EmulateArgs) -> CliResult {
     let profile = load_profile(&args.driver)?;
-    let (valve, _) = load_valve(&args.valve)?;
+    let (valve, _) = files::valve(&args.valve)?;
     let rate_hz = args.rate.value();
     if !(rate_hz > 0.0 && rate_hz <= 10_000.0) {
         return Err(CliError::usage(format!("--rate {}: above 0 Hz and at most 10 kHz", args.rate)));

@@ -92,7 +92,7 @@ pub fn run(args: &MarginsArgs) -> CliResult {
     let gains = Gains { kp_ma_per_bar: args.kp, ki_ma_per_bar_s: args.ki };
     let (plant, delay_range_s, left_out) = match &args.model {
         Some(name) => {
-            let (valve, _) = super::run::load_valve(name)?;
+            let (valve, _) = super::files::valve(name)?;
             let found = linear_loop(&valve);
             (found.plant, found.delay_range_s, found.left_out)
         }

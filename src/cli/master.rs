@@ -7,10 +7,10 @@ use clap::Args;
 use super::batch::failed;
 use super::batch_bench::{RigArgs, Setup};
 use super::run::key_value;
-use super::{CliError, CliResult, exit, run_folder};
+use super::{CliError, CliResult, exit, files, run_folder};
 use crate::batch::master;
 use crate::batch::station::Station;
-use crate::plan::{Override, Plan};
+use crate::plan::Override;
 use crate::record::{Dut, Provenance};
 use crate::report::format;
 
@@ -38,7 +38,7 @@ pub struct MasterArgs {
 
 /// Runs the command: 0 where the master got the verdict it should get, 1 where not.
 pub fn run(args: &MasterArgs) -> CliResult {
-    let plan = Plan::load(&args.plan, &args.set).map_err(CliError::input)?;
+    let plan = files::plan(&args.plan, &args.set)?;
     let station = Station::load(&args.station).map_err(failed)?;
     let known = |s: &Station| s.master.as_ref().is_some_and(|m| m.valves.iter().any(|v| v.serial == args.serial));
     if !known(&station) {

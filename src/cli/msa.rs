@@ -10,8 +10,9 @@ use rand::seq::SliceRandom;
 use super::batch::failed;
 use super::batch_bench::{RigArgs, Setup};
 use super::outputs::Force;
+use super::progress::Counted;
 use super::run::key_value;
-use super::{CliError, CliResult, exit};
+use super::{CliError, CliResult, exit, files};
 use crate::batch::measuring::{Instrument, MeasuringCapability, measuring_capability};
 use crate::batch::msa::{GaugeStudy, Study, gauge_study};
 use crate::batch::population::Population;
@@ -19,7 +20,7 @@ use crate::batch::store::write_whole;
 use crate::batch::tally::measurements;
 use crate::batch::{BatchError, readings};
 use crate::output::{Mark, Outputs};
-use crate::plan::{Override, Plan};
+use crate::plan::Override;
 use crate::record::{Dut, TestRecord};
 use crate::report::batch::{msa_markdown, msa_text};
 use crate::units::Unit;
@@ -175,9 +176,9 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
     let Some(metric) = &args.metric else {
         return Err(CliError::usage("--metric is needed with a plan: phase/metric, for instance tip-in/rmse"));
     };
-    let plan = Plan::load(&args.source, &args.set).map_err(CliError::input)?;
+    let plan = files::plan(&args.source, &args.set)?;
     let population = match &args.population {
-        Some(path) => Population::load(path).map_err(failed)?,
+        Some(path) => Population::load(&files::batch_file(path)?).map_err(failed)?,
         None => Population::standard(),
     };
     let setup = Setup::new(&args.rig, plan, Some(population), args.seed, None)?;
@@ -189,6 +190,7 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
     let mut facts: Option<(String, Option<f64>)> = None;
     let mut emulated = false;
     let mut input = std::io::stdin().lock();
+    let progress = setup.simulated().then(|| Counted::new("runs", args.trials * order.len()));
     for trial in 0..args.trials {
         order.shuffle(&mut rng);
         for &(i, j) in &order {
@@ -209,6 +211,7 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
             let found = reading(&record, metric)?;
             facts.get_or_insert((found.1, found.2));
             values[i][j].push(found.0);
+            progress.iter().for_each(Counted::step);
         }
     }
     let (unit, of_plan) = facts.unwrap_or_default();

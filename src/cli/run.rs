@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use super::on_wire::{self, WireArgs};
 use super::outputs::{Force, RUN};
 use super::progress::Bar;
-use super::{CliError, CliResult, exit, run_folder};
+use super::{CliError, CliResult, exit, files, run_folder};
 use crate::document;
 use crate::output::Outputs;
 use crate::physics::{PhysicsError, resolve};
@@ -26,7 +26,7 @@ use crate::valve::Valve;
 #[derive(Debug, Args)]
 #[command(group(clap::ArgGroup::new("rig").required(true).args(["sim", "driver"])))]
 pub struct RunArgs {
-    /// Plan file.
+    /// Plan file, or the bare name of one in plans/ or of one that ships with the program.
     pub plan: PathBuf,
     /// Run on a simulated valve.
     #[arg(long)]
@@ -34,7 +34,7 @@ pub struct RunArgs {
     /// Driver and line.
     #[command(flatten)]
     pub wire: WireArgs,
-    /// Valve file, or the bare name of one in valves/: the valve that is simulated.
+    /// Valve file, or the bare name of one in valves/ or of one that ships with the program: the valve that is simulated.
     #[arg(long)]
     pub valve: Option<String>,
     /// Serial number of the valve under test.
@@ -86,11 +86,11 @@ pub fn key_value(text: &str) -> Result<Override, String> {
 
 /// Runs the command.
 pub fn run(args: &RunArgs) -> CliResult {
-    let mut plan = Plan::load(&args.plan, &args.set).map_err(CliError::input)?;
-    if let Some(path) = &args.limits {
-        LimitsFile::load(path).and_then(|limits| plan.apply_limits(&limits)).map_err(CliError::input)?;
+    let mut plan = files::plan(&args.plan, &args.set)?;
+    if let Some(path) = files::limits(args.limits.as_deref(), &plan.name)? {
+        LimitsFile::load(&path).and_then(|limits| plan.apply_limits(&limits)).map_err(CliError::input)?;
     }
-    let (valve, valve_path) = load_valve(args.valve.as_deref().or(plan.valve.as_deref()).unwrap_or("paper"))?;
+    let (valve, valve_path) = files::valve_under(&plan, args.valve.as_deref())?;
     let model = believed(&plan, &valve)?;
     plan.check_valve(&model).and_then(|()| plan.check_valve(&valve)).map_err(CliError::input)?;
     let dut = dut(args, &valve);
@@ -98,11 +98,14 @@ pub fn run(args: &RunArgs) -> CliResult {
         Some(folder) => folder.clone(),
         None => run_folder::new_folder(&plan.name, &dut.serial)?,
     };
-    let inputs = [&args.plan, &valve_path].into_iter().chain(&args.limits);
+    let inputs = [&files::find_plan(&args.plan)?, &valve_path].into_iter().chain(&args.limits).cloned().collect::<Vec<_>>();
     let _claim = Outputs::new(args.force.force).reads(inputs).folder(Some(&folder), &RUN).claim()?;
     let started = jiff::Timestamp::now();
     let (mut record, trace) = if args.wire.driver.is_some() {
-        let run = on_wire::run(&plan, &model, &dut, args.seed, &args.wire)?;
+        let run = on_wire::run(&plan, &model, &dut, args.seed, &args.wire).inspect_err(|_| {
+            // A run that never began leaves no empty folder behind; one that holds anything stays.
+            let _ = std::fs::remove_dir(&folder);
+        })?;
         if !run.frames.is_empty() {
             run_folder::write_text(&folder.join("frames.txt"), &on_wire::frames_text(&run.frames)).map_err(CliError::not_stored)?;
         }
@@ -126,7 +129,7 @@ pub fn run(args: &RunArgs) -> CliResult {
     run_folder::write(&folder, &record, &trace)?;
     super::print(&formatted(args.format, &record, &trace))?;
     if args.format == Format::Text {
-        super::note(&format!("stored in {}", folder.display()));
+        super::say(&format!("stored in {}", folder.display()));
     }
     Ok(exit_code(record.outcome))
 }
@@ -137,23 +140,12 @@ fn dut(args: &RunArgs, valve: &Valve) -> Dut {
     Dut { serial: args.serial.clone().unwrap_or(unnamed), ..Dut::default() }
 }
 
-/// The valve file behind a path or a bare name, with its warnings on stderr.
-pub fn load_valve(name: &str) -> Result<(Valve, PathBuf), CliError> {
-    let path = Valve::find(name).map_err(CliError::input)?;
-    let valve = checked_valve(&path)?;
-    for warning in valve.warnings() {
-        super::note(&format!("warning: {warning}"));
-    }
-    Ok((valve, path))
-}
-
 /// The model that the controller believes in: the plan's, or the valve itself without its further effects.
 pub fn believed(plan: &Plan, valve: &Valve) -> Result<Valve, CliError> {
     match &plan.model {
         None => Ok(Valve { effects: Vec::new(), ..valve.clone() }),
         Some(name) => {
-            let beside = plan.folder().join(name);
-            let path = if beside.is_file() { beside } else { Valve::find(name).map_err(CliError::input)? };
+            let path = Valve::find_beside(name, Some(plan.folder())).map_err(CliError::input)?;
             checked_valve(&path)
         }
     }
@@ -199,9 +191,10 @@ fn formatted(format: Format, record: &TestRecord, trace: &Trace) -> String {
     }
 }
 
-fn sha256(path: &Path) -> Result<String, CliError> {
-    let bytes = std::fs::read(path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
-    Ok(Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect())
+/// SHA-256 of a document's bytes, hex.
+pub fn sha256(path: &Path) -> Result<String, CliError> {
+    let text = document::read(path).map_err(CliError::input)?;
+    Ok(Sha256::digest(text.as_bytes()).iter().map(|b| format!("{b:02x}")).collect())
 }
 
 /// A flag that the first signal sets that would end or stop the program.

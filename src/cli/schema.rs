@@ -12,27 +12,41 @@ pub struct SchemaArgs {
     kind: Kind,
 }
 
+/// The kinds of file that have a schema.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Kind {
+pub enum Kind {
+    /// A test plan
     Plan,
+    /// A valve model
     Valve,
+    /// A driver profile
     Driver,
+    /// Limits of a part
     Limits,
+    /// A station
     Station,
+    /// A simulated population
     Population,
+    /// A project
+    Project,
 }
 
 /// Prints the schema.
 pub fn run(args: &SchemaArgs) -> CliResult {
-    let schema = match args.kind {
+    super::print(&text(args.kind)?)?;
+    Ok(exit::DONE)
+}
+
+/// The schema of a kind of file.
+pub fn text(kind: Kind) -> Result<String, CliError> {
+    let schema = match kind {
         Kind::Plan => schemars::schema_for!(crate::plan::PlanFile),
         Kind::Limits => schemars::schema_for!(crate::plan::LimitsFile),
         Kind::Valve => schemars::schema_for!(crate::valve::ValveFile),
         Kind::Station => schemars::schema_for!(crate::batch::station::Station),
         Kind::Population => schemars::schema_for!(crate::batch::population::Population),
         Kind::Driver => schemars::schema_for!(crate::rig::profile::ProfileFile),
+        Kind::Project => schemars::schema_for!(super::files::ProjectFile),
     };
-    let text = serde_json::to_string_pretty(&schema).map_err(|e| CliError { code: exit::INTERNAL, message: e.to_string() })?;
-    super::print(&(text + "\n"))?;
-    Ok(exit::DONE)
+    super::to_json(&schema)
 }

@@ -6,8 +6,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::margins::{TextOrJson, time_range};
-use super::run::{believed, load_valve};
-use super::{CliError, CliResult, exit};
+use super::run::believed;
+use super::{CliError, CliResult, exit, files};
 use crate::control::stability::{Margins, margins};
 use crate::control::tune::{TuningTask, tune};
 use crate::control::{Gains, linear_loop};
@@ -32,7 +32,7 @@ pub struct TuneArgs {
     #[arg(long, value_name = "LOW..HIGH", value_parser = time_range)]
     delay_range: Option<(f64, f64)>,
     /// Plan to compare the gains with the paper's on.
-    #[arg(long, value_name = "PLAN", default_value = "plans/tipin.toml")]
+    #[arg(long, value_name = "PLAN", default_value = "tipin")]
     plan: PathBuf,
     /// Valve to compare them on; the plan's by default.
     #[arg(long)]
@@ -74,11 +74,11 @@ pub fn run(args: &TuneArgs) -> CliResult {
     if !(args.max_sensitivity > 1.0 && args.max_sensitivity <= 10.0) {
         return Err(CliError::usage(format!("--max-sensitivity {}: more than 1 and at most 10 is allowed", args.max_sensitivity)));
     }
-    let (model, _) = load_valve(&args.model)?;
-    let mut plan = Plan::load(&args.plan, &[]).map_err(CliError::input)?;
-    let valve = match args.valve.as_deref().or(plan.valve.as_deref()) {
-        Some(name) => load_valve(name)?.0,
-        None => model.clone(),
+    let (model, _) = files::valve(&args.model)?;
+    let mut plan = files::plan(&args.plan, &[])?;
+    let valve = match (&args.valve, &plan.valve) {
+        (None, None) => model.clone(),
+        (typed, _) => files::valve_under(&plan, typed.as_deref())?.0,
     };
     let found = linear_loop(&model);
     let delay_range_s = args.delay_range.unwrap_or(found.delay_range_s);

@@ -19,6 +19,7 @@ use super::{
 };
 use crate::document;
 use crate::limits::Limit;
+use crate::metrics::MetricSpec;
 use crate::units::{Pressure, Ratio, Temperature, Time, Unit};
 use crate::valve::Valve;
 
@@ -41,6 +42,7 @@ impl Plan {
 
     /// Reads the text of a plan; `source_name` stands in messages, paths in it are relative to `folder`.
     pub fn from_toml(text: &str, source_name: &str, folder: &Path, overrides: &[Override]) -> Result<Self, PlanError> {
+        document::expect_schema(text, source_name, SCHEMA, "a plan")?;
         let syntax = |error: toml::de::Error| PlanError::Document(document::explain(text, source_name, &error));
         let mut root = DeTable::parse(text).map_err(syntax)?;
         apply_overrides(root.get_mut(), overrides)?;
@@ -79,9 +81,6 @@ impl Plan {
 }
 
 fn checked(file: PlanFile, source: Source, overridden: Vec<String>) -> Result<Plan, Wrong> {
-    if file.schema.get_ref() != SCHEMA {
-        return Err(Wrong::new(file.schema.span(), format!("`{}` is not the schema of a plan; it has `{SCHEMA}`", file.schema.get_ref())));
-    }
     if !file.name.get_ref().chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c)) || file.name.get_ref().is_empty() {
         return Err(Wrong::new(file.name.span(), "the name becomes part of file names: letters, digits, `-`, `_` and `.` only"));
     }
@@ -103,7 +102,8 @@ fn checked(file: PlanFile, source: Source, overridden: Vec<String>) -> Result<Pl
             if !names.insert(written.name.get_ref().clone()) {
                 return Err(Wrong::new(written.name.span(), format!("a second phase `{}`; names are unique", written.name.get_ref())));
             }
-            let phase = phase(written, role, before, &source, controller, file.on_fail)?;
+            let phase = phase(written, role, before, &source, controller, file.on_fail, period_s)?;
+            interlocked(&phase, &file.interlocks)?;
             before = Some(Level { kind: phase.waveform.kind(), value: phase.waveform.at(phase.waveform.duration_s()) });
             phases.push(phase);
         }
@@ -168,6 +168,7 @@ fn phase(
     source: &Source,
     controller: crate::control::ControllerSettings,
     on_fail: super::OnFail,
+    period_s: f64,
 ) -> Result<Phase, Wrong> {
     let waveform = waveform(&file.stimulus, before, &source.folder)?;
     let repeat = match &file.repeat {
@@ -185,6 +186,17 @@ fn phase(
             let message = format!("`{id}` needs a target pressure, but the phase `{}` commands a current", file.name.get_ref());
             return Err(Wrong::new(written.metric.span(), message));
         }
+        // The samples of a phase span its duration less one period.
+        let spanned_s = waveform.duration_s() - period_s;
+        if let MetricSpec::SteadyOffset(m) = &metric
+            && m.window.value() > spanned_s + 1e-9
+        {
+            let (window, phase) = (m.window, file.name.get_ref());
+            return Err(Wrong::new(
+                written.metric.span(),
+                format!("the window of {window} is longer than the phase `{phase}`, whose samples span {spanned_s:.3} s"),
+            ));
+        }
         let unit = metric.metric().unit();
         let limit = written.limit.as_ref().map(|l| limit(l, unit)).transpose()?;
         measures.push(Measure { metric, limit });
@@ -198,6 +210,22 @@ fn phase(
         measures,
         on_fail: file.on_fail.unwrap_or(on_fail),
     })
+}
+
+/// A phase that asks for what the plan's own interlock forbids would stop the run each time.
+fn interlocked(phase: &Phase, interlocks: &super::InterlocksFile) -> Result<(), Wrong> {
+    let (limit, key, unit) = match phase.waveform.kind() {
+        LevelKind::Pressure => (interlocks.max_pressure.map(Pressure::value), "max_pressure", "bar"),
+        LevelKind::Current => (interlocks.max_current.map(crate::units::Current::value), "max_current", "A"),
+    };
+    let Some(limit) = limit else { return Ok(()) };
+    match phase.waveform.outside(f64::NEG_INFINITY, limit) {
+        Some((level, span)) => Err(Wrong::new(
+            span.clone(),
+            format!("phase `{}` asks for {level} {unit}, and the interlock `{key}` stops the run above {limit} {unit}", phase.name),
+        )),
+        None => Ok(()),
+    }
 }
 
 /// A limit in the unit of its figure.

@@ -74,11 +74,8 @@ impl LimitsFile {
 
     /// Reads the text of a limits file.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, PlanError> {
+        document::expect_schema(text, source_name, LIMITS_SCHEMA, "a limits file")?;
         let mut file: Self = document::parse(text, source_name)?;
-        if file.schema.get_ref() != LIMITS_SCHEMA {
-            let message = format!("`{}` is not the schema of a limits file; it has `{LIMITS_SCHEMA}`", file.schema.get_ref());
-            return Err(Wrong::new(file.schema.span(), message).shown(text, source_name));
-        }
         if file.limit.is_empty() {
             return Err(Wrong::new(0..0, "the file has no [[limit]]").shown(text, source_name));
         }

@@ -126,7 +126,7 @@ fn wrong_units_keys_and_types_are_underlined() {
        = help: write for instance `metric.rmse = {}`
     "#);
     insta::assert_snapshot!(refused("hil.plan/1", "hil.valve/1"), @r#"
-    `hil.valve/1` is not the schema of a plan; it has `hil.plan/1`
+    schema: is "hil.valve/1"; a plan has "hil.plan/1"
      --> example.toml:2:10
       |
     2 | schema = "hil.valve/1"
@@ -273,4 +273,14 @@ proptest::proptest! {
         if cut { characters.truncate(at) } else { characters.splice(at..=at, with.chars()); }
         let _ = plan(&characters.into_iter().collect::<String>());
     }
+}
+
+#[test]
+fn what_could_never_pass_is_found_before_a_valve_moves() {
+    let window = refused("metric.settling_time.band = \"2 %\"", "metric.steady_offset.window = \"5 s\"");
+    assert!(window.contains("the window of 5 s is longer than the phase `step`, whose samples span 2.990 s"), "{window}");
+    let pressure = refused("[controller]", "[interlocks]\nmax_pressure = \"15 bar\"\n\n[controller]");
+    assert!(pressure.contains("phase `step` asks for 20 bar, and the interlock `max_pressure` stops the run above 15 bar"), "{pressure}");
+    let current = refused("[controller]", "[interlocks]\nmax_current = \"50 mA\"\n\n[controller]");
+    assert!(current.contains("phase `open` asks for 0.1 A"), "{current}");
 }

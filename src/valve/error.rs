@@ -14,13 +14,8 @@ pub enum ValveError {
         source: std::io::Error,
     },
     /// No file of that name.
-    #[error("no valve `{name}`: neither a file, nor `valves/{name}.toml`{known}")]
-    Unknown {
-        /// The name as typed.
-        name: String,
-        /// The names that exist, as text for the message.
-        known: String,
-    },
+    #[error(transparent)]
+    Unknown(#[from] crate::shipped::NotFound),
     /// The text is not a valve file; the message shows the place.
     #[error("{0}")]
     Syntax(String),

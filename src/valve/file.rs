@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{FreeLoop, Hysteresis, Identification, MOST_PLAYS, Polynomial, ReferenceCurves, Valve, ValveError, WIDEST_PLAY};
-use crate::document;
 use crate::units::{Current, Pressure, PressureSquared, Time};
+use crate::{document, shipped};
 
 /// The schema key of a valve file.
 pub const SCHEMA: &str = "hil.valve/1";
@@ -96,22 +96,14 @@ pub enum HysteresisFile {
 }
 
 impl Valve {
-    /// Finds a valve by path, or by the bare name of a file in `valves/`.
+    /// Finds a valve by path, or by the bare name of a file in `valves/` or of one that ships with the program.
     pub fn find(name_or_path: &str) -> Result<PathBuf, ValveError> {
-        let direct = PathBuf::from(name_or_path);
-        if direct.exists() {
-            return Ok(direct);
-        }
-        let shipped = Path::new("valves").join(format!("{name_or_path}.toml"));
-        if shipped.exists() {
-            return Ok(shipped);
-        }
-        let mut known: Vec<String> = std::fs::read_dir("valves")
-            .map(|dir| dir.filter_map(|e| Some(e.ok()?.path().file_stem()?.to_string_lossy().into_owned())).collect())
-            .unwrap_or_default();
-        known.sort();
-        let known = if known.is_empty() { String::new() } else { format!("; there are: {}", known.join(", ")) };
-        Err(ValveError::Unknown { name: name_or_path.into(), known })
+        Self::find_beside(name_or_path, None)
+    }
+
+    /// The same for a name at work with a plan: `beside` is the plan's folder, where it is looked for first.
+    pub fn find_beside(name_or_path: &str, beside: Option<&Path>) -> Result<PathBuf, ValveError> {
+        Ok(shipped::find(shipped::Kind::Valve, name_or_path, beside)?)
     }
 
     /// Reads a valve file.

@@ -28,13 +28,8 @@ pub enum ProfileError {
         reason: String,
     },
     /// No such profile.
-    #[error("no driver profile `{name}`: neither a file of that path nor drivers/{name}.toml; there are: {known}")]
-    NotFound {
-        /// The name as typed.
-        name: String,
-        /// The profiles that are there.
-        known: String,
-    },
+    #[error(transparent)]
+    NotFound(#[from] crate::shipped::NotFound),
     /// Not TOML, or not of the shape of a profile.
     #[error("{message}")]
     Syntax {
@@ -249,25 +244,9 @@ pub struct SafeConfirmation {
 }
 
 impl Profile {
-    /// Finds a profile by path, or by the bare name of a file in `drivers/`.
+    /// Finds a profile by path, or by the bare name of a file in `drivers/` or of one that ships with the program.
     pub fn find(name_or_path: &str) -> Result<PathBuf, ProfileError> {
-        let path = Path::new(name_or_path);
-        if path.is_file() {
-            return Ok(path.into());
-        }
-        let bare = Path::new("drivers").join(format!("{name_or_path}.toml"));
-        if bare.is_file() {
-            return Ok(bare);
-        }
-        let mut known: Vec<String> = std::fs::read_dir("drivers")
-            .into_iter()
-            .flatten()
-            .flatten()
-            .filter_map(|e| e.path().file_name()?.to_str()?.strip_suffix(".toml").map(String::from))
-            .collect();
-        known.sort();
-        let known = if known.is_empty() { "none (no folder `drivers` here)".into() } else { known.join(", ") };
-        Err(ProfileError::NotFound { name: name_or_path.into(), known })
+        Ok(crate::shipped::find(crate::shipped::Kind::Driver, name_or_path, None)?)
     }
 
     /// Reads and checks a profile file.
@@ -279,7 +258,9 @@ impl Profile {
 
     /// Reads and checks a profile from its text; `source_name` stands for the file in messages.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, ProfileError> {
-        let file: ProfileFile = crate::document::parse(text, source_name).map_err(|e| ProfileError::Syntax { message: e.to_string() })?;
+        let wrong = |e: crate::document::DocumentError| ProfileError::Syntax { message: e.to_string() };
+        crate::document::expect_schema(text, source_name, "hil.driver/1", "a driver profile").map_err(wrong)?;
+        let file: ProfileFile = crate::document::parse(text, source_name).map_err(wrong)?;
         check::check(file, text, source_name)
     }
 

@@ -98,7 +98,13 @@ fn what_does_not_fit_together_is_refused_with_line_and_key() {
     insta::assert_snapshot!(message("confirm = \"current\"", "confirm = \"supply\""), @"p.toml:80: `safe_state.confirm`: `supply` cannot confirm it; allowed: current where the device measures it, otherwise pressure");
     insta::assert_snapshot!(message("raw = [4000, 20000]", "raw = [4000, 4000]"), @"p.toml:49: `signal.pressure.scale`: one count must be worth something: the two points are the same, or the scale is 0");
     insta::assert_snapshot!(message("[\"setpoint\", \"token\", \"status\"", "[\"status\""), @"p.toml:62: `cycle.transaction.freshness`: transaction 1: no `setpoint` or `token` that this slot writes is read back here");
-    insta::assert_snapshot!(message("hil.driver/1", "hil.driver/2"), @r#"p.toml:3: `schema`: `hil.driver/2` is not a driver profile of this version; write "hil.driver/1""#);
+    insta::assert_snapshot!(message("hil.driver/1", "hil.driver/2"), @r#"
+    schema: is "hil.driver/2"; a driver profile has "hil.driver/1"
+     --> p.toml:3:10
+      |
+    3 | schema = "hil.driver/2"
+      |          ^^^^^^^^^^^^^^
+    "#);
 }
 
 #[test]
