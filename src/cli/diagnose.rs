@@ -8,12 +8,14 @@ use clap::{Args, ValueEnum};
 use super::identify::sha256;
 use super::jobs::JobsArgs;
 use super::outputs::{Force, PLAN, VALVE};
+use super::progress::Working;
+use super::reading::ReadArgs;
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::diagnose::{Diagnosed, Verdict, diagnose_against, story};
 use crate::output::{Mark, Outputs};
 use crate::physics::EFFECTS;
-use crate::recording::{Mapping, Recording, replace_file};
+use crate::recording::{Reading, Recording, Selection, replace_file};
 use crate::report;
 use crate::valve::{Hysteresis, Valve};
 
@@ -45,9 +47,9 @@ pub struct DiagnoseArgs {
     /// Exit with 1 where the verdict is not `match`
     #[arg(long, value_enum, value_name = "mismatch")]
     fail_on: Option<FailOn>,
-    /// Takes a foreign channel, for instance current_a="I_cmd [mA]" or current_a="0.01 * duty_pct"
-    #[arg(long, value_name = "CH=EXPR")]
-    map: Vec<String>,
+    /// How the recording is read.
+    #[command(flatten)]
+    reading: ReadArgs,
     /// Many recordings.
     #[command(flatten)]
     many: JobsArgs,
@@ -72,23 +74,26 @@ enum Format {
 
 /// Diagnoses, writes what was asked for, prints.
 pub fn run(args: &DiagnoseArgs) -> CliResult {
-    let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
     if args.many.jobs.is_some() {
-        return super::jobs::run(&super::jobs::Diagnose { map }, &args.many);
+        return super::jobs::run(&super::jobs::Diagnose { reading: args.reading.reading()? }, &args.many);
     }
     let (Some(recording), Some(model)) = (&args.recording, &args.model) else {
         return Err(CliError::usage("a RECORDING and --model VALVE, or --jobs LIST"));
     };
     let model = Valve::find(model).map_err(CliError::input)?;
-    let outputs = Outputs::new(args.force.force).reads([recording, &model]).reads(&args.reference).file(args.output.as_ref(), VALVE);
+    let inputs = Outputs::new(args.force.force).reads([recording, &model]).reads(&args.reference).reads(args.reading.files());
+    let outputs = inputs.file(args.output.as_ref(), VALVE);
     let _claim = outputs.file(args.report.as_ref(), Mark::Page).file(args.next_plan.as_ref(), PLAN).claim()?;
     let mut valve = checked_valve(&model)?;
     for part in &args.without {
         take_out(&mut valve, part)?;
     }
-    let good = references(args, recording, &model, &map)?;
-    let recording = Recording::read(recording, &map).map_err(CliError::input)?;
-    let diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
+    let good = references(args, recording, &model)?;
+    let recording = args.reading.read(recording)?;
+    let working = Working::on("diagnosing");
+    let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
+    drop(working);
+    name_apart(&mut diagnosed.augmented, &valve);
     let comparable = diagnosed.diagnosis.verdict != Verdict::NotComparable;
     if !comparable && (args.output.is_some() || args.next_plan.is_some()) {
         super::note("model and recording do not belong together: no model and no plan is written");
@@ -111,13 +116,16 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
 }
 
 /// Data of the good valve: what was named, otherwise what the model was identified from, as long as it is the same file.
-fn references(args: &DiagnoseArgs, record: &Path, model: &Path, map: &[Mapping]) -> Result<Vec<Recording>, CliError> {
+fn references(args: &DiagnoseArgs, record: &Path, model: &Path) -> Result<Vec<Recording>, CliError> {
+    // What is selected is selected of the record; a reference may have the mapping of the record, or its own names.
+    let reading = Reading { select: Selection::default(), ..args.reading.reading()? };
+    let read = |path: &Path| Recording::read_as(path, &reading).or_else(|e| Recording::read(path, &[]).map_err(|_| e));
     if !args.reference.is_empty() {
-        return args.reference.iter().map(|path| Recording::read(path, map).map_err(CliError::input)).collect();
+        return args.reference.iter().map(|path| read(path).map_err(CliError::input)).collect();
     }
     let kept = identified_from(model).into_iter().map(|(name, digest)| (model.with_file_name(name), digest));
     let same = kept.filter(|(path, digest)| path != record && sha256(path).is_ok_and(|found| found == *digest));
-    Ok(same.filter_map(|(path, _)| Recording::read(&path, map).ok()).collect())
+    Ok(same.filter_map(|(path, _)| read(&path).ok()).collect())
 }
 
 /// Names and digests of the recordings that a model was identified from, one or several, as its file lists them.
@@ -131,6 +139,19 @@ fn identified_from(model: &Path) -> Vec<(String, String)> {
     let several: Vec<_> =
         block.get("recordings").and_then(|all| all.as_array()).into_iter().flatten().filter_map(|entry| listed(entry, "name")).collect();
     if several.is_empty() { listed(&block, "recording").into_iter().collect() } else { several }
+}
+
+/// Gives the model with what was found another name than the one as given, so that before and after are told apart
+/// wherever a name stands.
+pub fn name_apart(augmented: &mut Valve, given: &Valve) {
+    let added: Vec<&str> = augmented.effects.iter().skip(given.effects.len()).map(|e| e.id.as_str()).collect();
+    let mut plain = augmented.clone();
+    plain.name.clone_from(&given.name);
+    if !added.is_empty() {
+        augmented.name = format!("{}+{}", given.name, added.join("+"));
+    } else if plain != *given {
+        augmented.name = format!("{}+recalibrated", given.name);
+    }
 }
 
 /// Removes a part of a model, as if it had never been there.

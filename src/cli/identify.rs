@@ -8,11 +8,13 @@ use sha2::{Digest, Sha256};
 
 use super::jobs::JobsArgs;
 use super::outputs::{Force, VALVE};
+use super::progress::Working;
+use super::reading::ReadArgs;
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
 use crate::identify::{HysteresisChoice, Options, identify_courses};
 use crate::output::{Mark, Outputs};
-use crate::recording::{Mapping, Recording, replace_file};
+use crate::recording::replace_file;
 use crate::report;
 use crate::valve::Input;
 
@@ -42,9 +44,9 @@ pub struct IdentifyArgs {
     /// Name of the valve; the recording's name where it is not given.
     #[arg(long)]
     name: Option<String>,
-    /// Take a channel from a foreign column: current_a="I_cmd [mA]", current_a="0.01 * duty_pct".
-    #[arg(long, value_name = "CH=EXPR")]
-    map: Vec<String>,
+    /// How the recording is read.
+    #[command(flatten)]
+    reading: ReadArgs,
     /// Write a page with loop, residuals and parameters here.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
@@ -80,7 +82,6 @@ enum Format {
 
 /// Identifies, writes the model, prints what was found.
 pub fn run(args: &IdentifyArgs) -> CliResult {
-    let map = args.map.iter().map(|m| Mapping::parse(m)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
     let options = Options {
         name: args.name.clone(),
         order: args.order,
@@ -98,21 +99,23 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
         sha256: Vec::new(),
     };
     if args.many.jobs.is_some() {
-        return super::jobs::run(&super::jobs::Identify { map, options }, &args.many);
+        return super::jobs::run(&super::jobs::Identify { reading: args.reading.reading()?, options }, &args.many);
     }
-    let outputs = Outputs::new(args.force.force).reads(&args.recordings);
+    let outputs = Outputs::new(args.force.force).reads(&args.recordings).reads(args.reading.files());
     let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;
     let preparation = Preparation { input: options.input, ..Preparation::default() };
     let course = |path: &PathBuf| {
-        let recording = Recording::read(path, &map).map_err(CliError::input)?;
+        let recording = args.reading.read(path)?;
         Course::take(recording, &preparation).map_err(CliError::input)
     };
     let courses = args.recordings.iter().map(course).collect::<Result<Vec<_>, CliError>>()?;
     let options = Options { sha256: args.recordings.iter().map(|path| sha256(path)).collect::<Result<_, _>>()?, ..options };
+    let working = Working::on("identifying");
     let found = identify_courses(&courses, &options).map_err(|e| match e {
         crate::identify::IdentifyError::Option { .. } => CliError::usage(e),
         other => CliError::input(other),
     })?;
+    drop(working);
     if let Some(path) = &args.output {
         store(path, &found.valve.to_toml())?;
     }

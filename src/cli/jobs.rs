@@ -17,7 +17,7 @@ use crate::fleet::list::{Job, ModelSource, read};
 use crate::fleet::store::Store;
 use crate::fleet::work::{Progress, Task, work};
 use crate::identify::{Identified, Options, identify_course};
-use crate::recording::{Mapping, Recording};
+use crate::recording::{Reading, Recording, Selection};
 use crate::report;
 use crate::valve::Valve;
 
@@ -45,8 +45,8 @@ pub struct JobsArgs {
 
 /// `hil diagnose` of a job.
 pub struct Diagnose {
-    /// Foreign channels.
-    pub map: Vec<Mapping>,
+    /// How the recordings are read.
+    pub reading: Reading,
 }
 
 impl Task for Diagnose {
@@ -62,23 +62,26 @@ impl Task for Diagnose {
         match source {
             ModelSource::File(path) => checked_valve(path).map_err(|e| e.message),
             ModelSource::Identify(path) => {
-                identified(path, &self.map, &Options::default()).map(|found| found.valve).map_err(|e| format!("identify: {e}"))
+                // What is selected is selected of the job's own recording.
+                let reading = Reading { select: Selection::default(), ..self.reading.clone() };
+                identified(path, &reading, &Options::default()).map(|found| found.valve).map_err(|e| format!("identify: {e}"))
             }
             ModelSource::Missing(why) => Err(why.clone()),
         }
     }
     fn answer(&self, job: &Job, model: Option<&Valve>) -> Result<Vec<(&'static str, String)>, String> {
         let valve = model.ok_or("no model")?;
-        let recording = Recording::read(&job.recording, &self.map).map_err(|e| e.to_string())?;
-        let diagnosed = diagnose(&recording, valve).map_err(|e| e.to_string())?;
+        let recording = Recording::read_as(&job.recording, &self.reading).map_err(|e| e.to_string())?;
+        let mut diagnosed = diagnose(&recording, valve).map_err(|e| e.to_string())?;
+        super::diagnose::name_apart(&mut diagnosed.augmented, valve);
         Ok(vec![("toml", diagnosed.augmented.to_toml()), ("json", report::diagnosis::json(&diagnosed.diagnosis))])
     }
 }
 
 /// `hil identify` of a job.
 pub struct Identify {
-    /// Foreign channels.
-    pub map: Vec<Mapping>,
+    /// How the recordings are read.
+    pub reading: Reading,
     /// As on the command line.
     pub options: Options,
 }
@@ -96,13 +99,13 @@ impl Task for Identify {
         Ok(())
     }
     fn answer(&self, job: &Job, _: Option<&()>) -> Result<Vec<(&'static str, String)>, String> {
-        let found = identified(&job.recording, &self.map, &self.options)?;
+        let found = identified(&job.recording, &self.reading, &self.options)?;
         Ok(vec![("toml", found.valve.to_toml()), ("json", report::identify::json(&found))])
     }
 }
 
-fn identified(path: &std::path::Path, map: &[Mapping], options: &Options) -> Result<Identified, String> {
-    let recording = Recording::read(path, map).map_err(|e| e.to_string())?;
+fn identified(path: &std::path::Path, reading: &Reading, options: &Options) -> Result<Identified, String> {
+    let recording = Recording::read_as(path, reading).map_err(|e| e.to_string())?;
     let course = Course::take(recording, &Preparation::default()).map_err(|e| e.to_string())?;
     identify_course(&course, options).map_err(|e| e.to_string())
 }

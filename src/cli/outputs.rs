@@ -9,6 +9,8 @@ use crate::output::{Mark, OutputError};
 pub const VALVE: Mark = Mark::Schema("hil.valve/1");
 /// A plan.
 pub const PLAN: Mark = Mark::Schema(crate::plan::SCHEMA);
+/// A mapping.
+pub const MAPPING: Mark = Mark::Schema(crate::recording::MAPPING_SCHEMA);
 /// The files of a run's folder; the record is written last and never replaced.
 pub const RUN: [(&str, Mark); 5] = [
     ("trace.parquet", Mark::None),

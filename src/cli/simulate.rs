@@ -8,12 +8,13 @@ use serde_json::json;
 
 use super::input::InputShape;
 use super::outputs::Force;
+use super::reading::ReadArgs;
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
 use crate::output::{Mark, Outputs};
 use crate::physics::{Misfit, simulate_course};
-use crate::recording::{Format, Mapping, Recording, Run};
+use crate::recording::{Format, Recording, Run};
 use crate::units::{CURRENT, PRESSURE};
 use crate::valve::{Hysteresis, Valve};
 
@@ -28,9 +29,9 @@ pub struct SimulateArgs {
     /// Where the simulated pressure goes: .csv, .parquet or .mf4; without it CSV goes to stdout
     #[arg(short = 'o', long, value_name = "OUT")]
     output: Option<PathBuf>,
-    /// Takes a foreign channel, for instance current_a="I_cmd [mA]" or current_a="0.01 * duty_pct"
-    #[arg(long, value_name = "CH=EXPR")]
-    map: Vec<String>,
+    /// How the recording is read.
+    #[command(flatten)]
+    reading: ReadArgs,
     /// Existing files.
     #[command(flatten)]
     force: Force,
@@ -60,19 +61,18 @@ pub fn run(args: &SimulateArgs) -> CliResult {
     if let Some(path) = &args.output {
         Format::of(path).map_err(CliError::usage)?;
     }
-    let map = args.map.iter().map(|text| Mapping::parse(text)).collect::<Result<Vec<_>, _>>().map_err(CliError::usage)?;
     let model = Valve::find(&args.model).map_err(CliError::input)?;
-    let _claim = Outputs::new(args.force.force).reads([&args.recording, &model]).file(args.output.as_ref(), Mark::None).claim()?;
+    let _claim = Outputs::new(args.force.force)
+        .reads([&args.recording, &model])
+        .reads(args.reading.files())
+        .file(args.output.as_ref(), Mark::None)
+        .claim()?;
     let valve = checked_valve(&model)?;
-    let recording = Recording::read(&args.recording, &map).map_err(CliError::input)?;
+    let recording = args.reading.read(&args.recording)?;
     let mut messages = anstream::stderr();
     for note in recording.notes.iter().map(|n| format!("note: {}: {n}", recording.source)) {
         let _ = writeln!(messages, "{note}");
     }
-    for warning in valve.warnings() {
-        let _ = writeln!(messages, "warning: {warning}");
-    }
-
     if let Some(note) = beyond(&valve, &recording) {
         let _ = writeln!(messages, "note: {}: {note}", recording.source);
     }

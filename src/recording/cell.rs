@@ -41,38 +41,6 @@ pub(super) fn number(cell: &[u8]) -> Cell {
     Cell::Other
 }
 
-/// Time stamps (`2026-03-01 12:00:00.010`, `12:00:00.010`, with or without offset) as seconds since the first.
-#[derive(Default)]
-pub(super) struct Stamps {
-    start_ns: Option<i128>,
-    /// The first stamp, as it stands in the file.
-    pub first: String,
-    /// Number of stamps read.
-    pub count: usize,
-}
-
-impl Stamps {
-    /// Seconds since the first stamp; `None` where the cell holds none.
-    pub fn of(&mut self, cell: &[u8]) -> Option<f64> {
-        let text = std::str::from_utf8(cell).ok()?;
-        let point = text.replace(',', ".");
-        let ns = if let Ok(stamp) = point.parse::<jiff::Timestamp>() {
-            stamp.as_nanosecond()
-        } else if let Ok(stamp) = point.parse::<jiff::civil::DateTime>() {
-            stamp.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp().as_nanosecond()
-        } else {
-            let time = point.parse::<jiff::civil::Time>().ok()?;
-            time.duration_since(jiff::civil::Time::midnight()).as_nanos()
-        };
-        let start = *self.start_ns.get_or_insert_with(|| {
-            self.first = text.into();
-            ns
-        });
-        self.count += 1;
-        Some((ns - start) as f64 * 1e-9)
-    }
-}
-
 /// Digits behind the decimal point.
 pub(super) fn decimals(cell: &[u8]) -> usize {
     let cell = bare(cell);

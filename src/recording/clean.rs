@@ -19,6 +19,7 @@ const GAP_FACTOR: f64 = 5.0;
 #[derive(Default)]
 struct Noticed {
     untimed: Tally,
+    midnight: Tally,
     repeated: Tally,
     backward: Tally,
     spread: Tally,
@@ -62,6 +63,7 @@ pub(super) fn recording(mut rows: Rows) -> Result<Recording, RecordingError> {
         plausible_times(&rows.file, &run, &index)?;
         let keep = drop_untimed(&rows.file, &mut run, &index, &mut noticed)?;
         let index = index.kept(keep);
+        midnight(&mut run, &index, &mut noticed);
         for (piece, (mut run, index)) in restarts(run, index, &mut noticed).into_iter().enumerate() {
             spread(&mut run.time_s, &index, &mut noticed);
             let index = increase(&rows.file, &mut run, index, &mut noticed)?;
@@ -97,6 +99,7 @@ pub(super) fn recording(mut rows: Rows) -> Result<Recording, RecordingError> {
 impl Noticed {
     fn say(self, notes: &mut Vec<String>) {
         notes.extend(self.untimed.note("row", "rows", "without a time: dropped"));
+        notes.extend(self.midnight.note("time", "times", "the seconds of the day pass midnight: counted on"));
         notes.extend(self.restarted.note("time", "times", "the clock starts again: taken as a new run"));
         notes.extend(self.spread.note("row shares", "rows share", "a rounded time stamp: spread evenly between the stamps"));
         notes.extend(self.repeated.note("row", "rows", "with a repeated time: dropped"));
@@ -147,6 +150,23 @@ fn drop_untimed(file: &str, run: &mut Run, index: &Index, noticed: &mut Noticed)
     }
     run.retain(&keep);
     Ok(Some(keep))
+}
+
+/// Seconds of the day go on over midnight: from the end of a day to below where the run began.
+fn midnight(run: &mut Run, index: &Index, noticed: &mut Noticed) {
+    const DAY_S: f64 = 86_400.0;
+    let slack_s = 10.0 * run.step_s().max(0.0);
+    let Some(&start) = run.time_s.first() else { return };
+    let mut days = 0.0;
+    for at in 1..run.len() {
+        // What stands before it is already counted on.
+        let (before, now) = (run.time_s[at - 1] - days, run.time_s[at]);
+        if now < start && before <= DAY_S && before > DAY_S - slack_s && (0.0..slack_s).contains(&now) {
+            noticed.midnight.add(|| index.place(at));
+            days += DAY_S;
+        }
+        run.time_s[at] += days;
+    }
 }
 
 /// Splits a run where its clock jumps back to its start and goes on from there.
@@ -309,6 +329,16 @@ mod tests {
     fn a_start_before_zero_is_kept() {
         let recording = timed(grid(50)).unwrap();
         assert_eq!((recording.runs[0].time_s[0], recording.notes.len()), (-0.2, 0));
+    }
+
+    #[test]
+    fn seconds_of_the_day_go_on_over_midnight() {
+        let recording = timed((0..200).map(|n| (8_639_900 + n) % 8_640_000).map(|n| f64::from(n) / 100.0)).unwrap();
+        assert_eq!((recording.runs.len(), recording.runs[0].time_s[199]), (1, 86_400.99));
+        assert_eq!(recording.notes, ["1 time the seconds of the day pass midnight: counted on (line 102)"]);
+        // A day that was recorded from its first second and begins again is another run.
+        let again = timed((0..200).map(|n| f64::from(n % 100) * 864.0)).unwrap();
+        assert_eq!(again.runs.len(), 2);
     }
 
     #[test]

@@ -4,36 +4,66 @@
 //! with a decimal comma where the comma does not separate. Lines are read one by one into columns, so a day at
 //! 100 Hz needs the memory of its columns and no more.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use super::cell::{Cell, Stamps, bare, decimals, number, shown};
+use super::cell::{Cell, bare, decimals, number, shown};
+use super::header::{self, split};
 use super::mapping::Role;
 use super::source::{Rows, Source, Tally, resolve};
-use super::{Mapping, RecordingError};
+use super::stamps::Stamps;
+use super::{Encoding, Reading, RecordingError};
 
 /// A line longer than this is no line of a recording.
 const LINE_LIMIT: u64 = 1 << 20;
 
-pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
+pub(super) fn read(path: &Path, file: &str, reading: &Reading) -> Result<Rows, RecordingError> {
     let handle = File::open(path).map_err(RecordingError::io(path))?;
     let size = handle.metadata().map_or(0, |m| m.len());
-    read_from(BufReader::with_capacity(1 << 18, handle), size, path, file, map)
+    read_from(handle, size, path, file, reading)
 }
 
 /// Lines with their numbers, without their ends.
-struct Lines<R> {
+pub(super) struct Lines<R> {
     input: R,
-    buffer: Vec<u8>,
+    pub buffer: Vec<u8>,
     number: usize,
     /// Whether the last line read had an end.
+    ended: bool,
+    /// Lines that were read before their turn, to find the header.
+    ahead: VecDeque<Line>,
+    /// Whether comments and empty lines count, too.
+    comments: bool,
+}
+
+/// A line that waits for its turn.
+struct Line {
+    bytes: Vec<u8>,
+    number: usize,
     ended: bool,
 }
 
 impl<R: BufRead> Lines<R> {
     /// Reads the next line that is neither empty nor a comment into `buffer`; false at the end of the file.
-    fn next(&mut self, path: &Path, file: &str) -> Result<bool, RecordingError> {
+    pub fn next(&mut self, path: &Path, file: &str) -> Result<bool, RecordingError> {
+        if let Some(line) = self.ahead.pop_front() {
+            (self.buffer, self.number, self.ended) = (line.bytes, line.number, line.ended);
+            return Ok(true);
+        }
+        self.fetch(path, file)
+    }
+
+    /// Reads the first lines before their turn. A line that is too long ends the look, and is told in its turn.
+    fn look_ahead(&mut self, path: &Path, file: &str) -> Result<(), RecordingError> {
+        while self.ahead.len() < header::LOOK_AHEAD && self.fetch(path, file)? {
+            self.ahead.push_back(Line { bytes: std::mem::take(&mut self.buffer), number: self.number, ended: self.ended });
+        }
+        Ok(())
+    }
+
+    fn fetch(&mut self, path: &Path, file: &str) -> Result<bool, RecordingError> {
         loop {
             self.buffer.clear();
             let read = self.input.by_ref().take(LINE_LIMIT).read_until(b'\n', &mut self.buffer).map_err(RecordingError::io(path))?;
@@ -48,14 +78,8 @@ impl<R: BufRead> Lines<R> {
             while matches!(self.buffer.last(), Some(b'\n' | b'\r')) {
                 self.buffer.pop();
             }
-            if self.number == 1 {
-                match self.buffer.as_slice() {
-                    [0xEF, 0xBB, 0xBF, ..] => drop(self.buffer.drain(..3)),
-                    [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => {
-                        return Err(RecordingError::format(file, "the text is UTF-16; save it as UTF-8"));
-                    }
-                    _ => {}
-                }
+            if self.comments {
+                return Ok(true);
             }
             let start = self.buffer.iter().position(|b| !b.is_ascii_whitespace());
             if start.is_some_and(|at| self.buffer[at] != b'#') {
@@ -69,29 +93,9 @@ fn row_error(file: &str, line: usize, what: impl ToString) -> RecordingError {
     RecordingError::Row { file: file.into(), place: format!("line {line}"), what: what.to_string() }
 }
 
-/// Splits a line at `separator`; a cell in double quotes may hold it.
-fn split(line: &[u8], separator: u8, cells: &mut Vec<(usize, usize)>) {
-    cells.clear();
-    let (mut start, mut quoted) = (0, false);
-    for (at, &byte) in line.iter().enumerate() {
-        if byte == separator && !quoted {
-            cells.push((start, at));
-            start = at + 1;
-        } else if byte == b'"' {
-            quoted = !quoted;
-        }
-    }
-    cells.push((start, line.len()));
-}
-
-fn header(line: &[u8], file: &str, at: usize) -> Result<(u8, Vec<String>), RecordingError> {
+/// The names of a header.
+fn names(line: &[u8], separator: u8, file: &str, at: usize) -> Result<Vec<String>, RecordingError> {
     let mut cells = Vec::new();
-    let mut count = |separator: u8| {
-        split(line, separator, &mut cells);
-        cells.len()
-    };
-    // The most frequent one; a name may hold a comma where `;` or a tab separates.
-    let separator = [b';', b'\t', b','].into_iter().rev().max_by_key(|s| count(*s)).unwrap_or(b',');
     split(line, separator, &mut cells);
     if line.contains(&b'\r') {
         return Err(row_error(file, at, "a carriage return stands within the line; lines end with LF or CR LF"));
@@ -99,23 +103,91 @@ fn header(line: &[u8], file: &str, at: usize) -> Result<(u8, Vec<String>), Recor
     if cells.iter().all(|c| matches!(number(bare(&line[c.0..c.1])), Cell::Number(_) | Cell::Gap)) {
         return Err(row_error(file, at, "the first line holds no names; a header is wanted, for instance time_s,current_a,pressure_bar"));
     }
-    let name = |c: &(usize, usize)| String::from_utf8_lossy(bare(&line[c.0..c.1])).replace("\"\"", "\"");
-    Ok((separator, cells.iter().map(name).collect()))
+    Ok(cells.iter().map(|c| decoded(bare(&line[c.0..c.1])).replace("\"\"", "\"")).collect())
 }
 
-pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
-    let mut lines = Lines { input, buffer: Vec::new(), number: 0, ended: true };
-    if !lines.next(path, file)? {
-        return Err(RecordingError::format(file, "the file is empty; a header is wanted, for instance time_s,current_a,pressure_bar"));
+/// A text; what is no UTF-8 is taken as Windows-1252, in which every byte is a letter.
+pub(super) fn decoded(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.into(),
+        Err(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(bytes).0.into_owned(),
     }
-    // Spreadsheets write the separator into a line of its own; the header shows it anyway.
-    if lines.buffer.len() == 5 && lines.buffer.starts_with(b"sep=") && !lines.next(path, file)? {
-        return Err(RecordingError::format(file, "there is no header"));
+}
+
+/// The lines behind a file's own encoding, as UTF-8 where that is asked for or the file begins with a mark of UTF-16.
+pub(super) fn utf8(input: impl Read, encoding: Option<Encoding>) -> impl BufRead {
+    let encoding = match encoding {
+        None => None,
+        Some(Encoding::Utf8) => Some(encoding_rs::UTF_8),
+        Some(Encoding::Utf16) => Some(encoding_rs::UTF_16LE),
+        Some(Encoding::Latin1) => Some(encoding_rs::WINDOWS_1252),
+    };
+    // Without an encoding and without a mark the bytes pass as they are.
+    let decoder = encoding_rs_io::DecodeReaderBytesBuilder::new().encoding(encoding).bom_sniffing(true).strip_bom(true).build(input);
+    BufReader::with_capacity(1 << 18, decoder)
+}
+
+/// A text that is open behind its header.
+pub(super) struct Open<R> {
+    pub lines: Lines<R>,
+    pub separator: u8,
+    pub names: Vec<String>,
+    pub notes: Vec<String>,
+    pub header_row: usize,
+}
+
+/// Finds the header, or takes the line that is said to be it.
+pub(super) fn open<R: BufRead>(input: R, path: &Path, file: &str, header_row: Option<usize>) -> Result<Open<R>, RecordingError> {
+    let mut lines = Lines { input, buffer: Vec::new(), number: 0, ended: true, ahead: VecDeque::new(), comments: header_row.is_some() };
+    let mut notes = Vec::new();
+    if let Some(row) = header_row {
+        while lines.number < row {
+            if !lines.next(path, file)? {
+                return Err(RecordingError::format(file, format!("--header-row {row}: the file has {} lines", lines.number)));
+            }
+        }
+        lines.comments = false;
+        let start = lines.buffer.iter().position(|b| *b != b'#' && !b.is_ascii_whitespace()).unwrap_or(0);
+        lines.buffer.drain(..start);
+    } else {
+        lines.look_ahead(path, file)?;
+        if lines.ahead.is_empty() {
+            return Err(RecordingError::format(file, "the file is empty; a header is wanted, for instance time_s,current_a,pressure_bar"));
+        }
+        let texts: Vec<&[u8]> = lines.ahead.iter().map(|l| l.bytes.as_slice()).collect();
+        // Spreadsheets write the separator into a line of its own; the header shows it anyway.
+        let spreadsheet = usize::from(texts[0].len() == 5 && texts[0].starts_with(b"sep="));
+        let found = header::find(&texts[spreadsheet..]).map_or(spreadsheet, |at| at + spreadsheet);
+        if found >= texts.len() {
+            return Err(RecordingError::format(file, "there is no header"));
+        }
+        let skipped = found - spreadsheet;
+        for _ in 0..=found {
+            lines.next(path, file)?;
+        }
+        if skipped > 0 {
+            notes.push(format!(
+                "{skipped} line{} before the header skipped (the header is line {})",
+                if skipped == 1 { "" } else { "s" },
+                lines.number
+            ));
+        }
     }
-    let (separator, mut names) = header(&lines.buffer, file, lines.number)?;
-    let mut sources = resolve(file, &names, map, false)?;
+    let separator = header::separator(&lines.buffer);
+    if std::str::from_utf8(&lines.buffer).is_err() {
+        notes.push("the header is no UTF-8: read as Windows-1252 (latin-1)".into());
+    }
+    let names = names(&lines.buffer, separator, file, lines.number)?;
+    let header_row = lines.number;
+    Ok(Open { lines, separator, names, notes, header_row })
+}
+
+pub(super) fn read_from(input: impl Read, size: u64, path: &Path, file: &str, reading: &Reading) -> Result<Rows, RecordingError> {
+    let Open { mut lines, separator, mut names, notes, .. } = open(utf8(input, reading.encoding), path, file, reading.header_row)?;
+    let mut sources = resolve(file, &names, &reading.map, false)?;
     let mut rows = Rows::new(file, &sources, true);
-    let needed = sources.iter().map(|s| s.column + 1).max().unwrap_or(0);
+    rows.notes = notes;
+    let needed = sources.iter().flat_map(|s| [Some(s.column), s.second]).flatten().max().unwrap_or(0) + 1;
     // A separator at the end of every line makes a last column without a name.
     if names.last().is_some_and(String::is_empty) {
         names.pop();
@@ -171,11 +243,28 @@ pub(super) fn read_from(input: impl BufRead, size: u64, path: &Path, file: &str,
             let Some(values) = rows.values(source.role) else {
                 if row == 0 || cell != run_name {
                     run_name = cell.to_vec();
-                    let name = String::from_utf8_lossy(cell).replace("\"\"", "\"");
+                    let name = decoded(cell).replace("\"\"", "\"");
                     rows.segments.push(((!name.is_empty()).then_some(name), row));
                 }
                 continue;
             };
+            if let Some(second) = source.second {
+                let time = bare(&line[cells[second].0..cells[second].1]);
+                match stamps.of_two(cell, time) {
+                    Some(since_first_s) => values.push(since_first_s),
+                    None if cell.is_empty() && time.is_empty() => values.push(f64::NAN),
+                    None => {
+                        return Err(RecordingError::Cell {
+                            file: file.into(),
+                            place: format!("line {}", lines.number),
+                            number: source.column + 1,
+                            column: names.get(source.column).cloned().unwrap_or_default(),
+                            what: format!("`{}` and `{}` are not a date and a time of day", shown(cell), shown(time)),
+                        });
+                    }
+                }
+                continue;
+            }
             let found = number(cell);
             if source.role == Role::Time
                 && matches!(found, Cell::Other)
@@ -413,12 +502,20 @@ mod tests {
         insta::assert_snapshot!(refusal(""), @"x.csv: the file is empty; a header is wanted, for instance time_s,current_a,pressure_bar");
         insta::assert_snapshot!(refusal("0,1,2\n"), @"x.csv: line 1: the first line holds no names; a header is wanted, for instance time_s,current_a,pressure_bar");
         insta::assert_snapshot!(refusal("time_s,current_a\n"), @"x.csv: there is no row of values");
-        insta::assert_snapshot!(refusal("time_s,I\n0,1\n"), @r#"x.csv: no column `current_a` (a foreign name is taken by --map current_a="I_cmd [mA]"); the file has: `time_s`, `I`"#);
-        insta::assert_snapshot!(refusal("time_s,curent_a\n0,1\n"), @r#"x.csv: no column `current_a` (did you mean `curent_a`?) (a foreign name is taken by --map current_a="I_cmd [mA]"); the file has: `time_s`, `curent_a`"#);
+        insta::assert_snapshot!(refusal("time_s,I\n0,1\n"), @r#"
+        x.csv: there is no `current_a` (likely: `I`), no `pressure_bar`
+        the file has: `time_s`, `I`
+        `hil inspect` shows what is in it and writes a mapping; a foreign name is taken by --map current_a="I_cmd [mA]"
+        "#);
+        insta::assert_snapshot!(refusal("time_s,curent_a\n0,1\n"), @r#"
+        x.csv: there is no `current_a` (did you mean `curent_a`?), no `pressure_bar`
+        the file has: `time_s`, `curent_a`
+        `hil inspect` shows what is in it and writes a mapping; a foreign name is taken by --map current_a="I_cmd [mA]"
+        "#);
         insta::assert_snapshot!(refusal("time_s,current_a,current_a\n0,1,1\n"), @"x.csv: the column `current_a` is there twice (columns 2 and 3)");
         insta::assert_snapshot!(refusal("# c\ntime_s,current_a\n0,1\n1,ERR\n2,1\n"), @"x.csv: line 4, column 2 (`current_a`): `ERR` is not a number; allowed: a number, or an empty cell or NaN for a gap");
         insta::assert_snapshot!(refusal("time_s,current_a\n0,0,1,5\n"), @"x.csv: line 2: 4 cells where the header has 2 (with decimal commas, separate the cells by `;`)");
         insta::assert_snapshot!(refusal("time_s,current_a\n0,\n1,\n"), @"x.csv: `current_a` holds no value at all");
-        insta::assert_snapshot!(refusal("\u{0}\u{0}\n"), @"x.csv: no column `time_s` (a foreign name is taken by --map time_s=\"t [ms]\"); the file has: `\0\0`");
+        assert!(refusal("\u{0}\u{0}\n").starts_with("x.csv: there is no `time_s`, no `current_a`, no `pressure_bar`\n"));
     }
 }

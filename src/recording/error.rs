@@ -29,18 +29,21 @@ pub enum RecordingError {
         /// What is wrong, and where.
         what: String,
     },
-    /// A channel that is needed is not there.
-    #[error("{file}: no column `{column}`{hint}; the file has: {found}")]
-    MissingColumn {
+    /// Channels that are needed are not there.
+    #[error(
+        "{file}: there is no {wanted}\nthe file has: {found}\n`hil inspect` shows what is in it and writes a mapping; a foreign name is taken by --map current_a=\"I_cmd [mA]\""
+    )]
+    MissingChannels {
         /// The file.
         file: String,
-        /// The column that was looked for.
-        column: String,
-        /// What to do.
-        hint: String,
+        /// The channels, each with the columns that it may be.
+        wanted: String,
         /// The columns that are there.
         found: String,
     },
+    /// A mapping file that cannot be used; the message shows the place.
+    #[error("{0}")]
+    MappingFile(String),
     /// A cell that cannot be read.
     #[error("{file}: {place}, column {number} (`{column}`): {what}")]
     Cell {

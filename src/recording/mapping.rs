@@ -2,7 +2,8 @@
 //!
 //! EXPR holds one column and numbers: `I_cmd [mA]`, `0.01 * duty_pct`, `2.5 * U_p [mbar] - 1`, `"Druck / bar"`.
 //! The unit in brackets is that of the column and is converted to the channel's own; a factor and an offset are
-//! applied after that. A column named exactly like the whole of EXPR is taken as that column.
+//! applied after that. A column named exactly like the whole of EXPR is taken as that column. `Druck / bar` and
+//! `group/channel` are names, for no column may divide. The time may stand in two columns: `Datum + Zeit`.
 
 use super::{Channel, RecordingError};
 use crate::units::{self, Unit};
@@ -27,6 +28,8 @@ pub struct Mapping {
     pub text: String,
     /// Name of the foreign column.
     pub column: String,
+    /// Column of the time of day, where `column` holds the date.
+    pub second: Option<String>,
     /// Unit of the column as typed in brackets.
     pub unit: Option<String>,
     /// Value in the channel's unit = `scale` * cell + `offset`; the unit's own factor is in it.
@@ -75,6 +78,10 @@ impl Role {
             (Self::Channel(Channel::OilTemperature), "degF" | "°F") => Ok((5.0 / 9.0, -160.0 / 9.0)),
             (Self::Time, "ns") => Ok((1e-9, 0.0)),
             (Self::Time, "sec") => Ok((1.0, 0.0)),
+            // As loggers write them; gauge pressure is what is meant everywhere.
+            (_, "barg" | "bar(g)" | "bar_g") if own.symbol == "bar" => Ok((1.0, 0.0)),
+            (_, "hPa") if own.symbol == "bar" => Ok((1e-3, 0.0)),
+            (_, "N/mm2" | "N/mm²" | "N/mm^2") if own.symbol == "bar" => Ok((10.0, 0.0)),
             _ => {
                 let more = match self {
                     Self::Channel(Channel::OilTemperature) => ", K, degF",
@@ -82,7 +89,10 @@ impl Role {
                     _ if command => "; or, for a command that is no current: 1, %",
                     _ => "",
                 };
-                Err(format!("the unit `{unit}` is not one of a {}; allowed: {}{more}", own.dimension, own.allowed()))
+                let near = own.spellings.iter().map(|s| s.0).min_by_key(|s| strsim::osa_distance(&s.to_lowercase(), &unit.to_lowercase()));
+                let near = near.filter(|s| strsim::osa_distance(&s.to_lowercase(), &unit.to_lowercase()) <= 1 + unit.len() / 4);
+                let near = near.map_or_else(String::new, |s| format!(" (did you mean `{s}`?)"));
+                Err(format!("the unit `{unit}` is not one of a {}{near}; allowed: {}{more}", own.dimension, own.allowed()))
             }
         }
     }
@@ -96,6 +106,11 @@ impl std::str::FromStr for Mapping {
 }
 
 impl Mapping {
+    /// Whether it names a column and nothing more, so that the file's own unit counts.
+    pub fn is_bare(&self) -> bool {
+        !self.scaled && self.unit.is_none()
+    }
+
     /// Reads `CHANNEL=EXPR`.
     ///
     /// # Errors
@@ -113,7 +128,7 @@ impl Mapping {
             let hint = near.filter(|n| strsim::osa_distance(n, channel) <= 3).map(|n| format!(" (did you mean `{n}`?)"));
             return Err(error(format!("no channel `{channel}`{}; allowed: {}", hint.unwrap_or_default(), names())));
         };
-        let affine = Parser { text: expr, rest: expr }.expression().map_err(&error)?;
+        let affine = Parser { text: expr, rest: expr, two: role == Role::Time }.expression().map_err(&error)?;
         if role == Role::Run && (affine.scaled || affine.unit.is_some()) {
             return Err(error("a run's name is a text: it has neither unit nor factor".into()));
         }
@@ -125,19 +140,24 @@ impl Mapping {
         if !scale.is_finite() || !offset.is_finite() || scale == 0.0 {
             return Err(error("the factor must be finite and not 0".into()));
         }
-        Ok(Self { role, text: expr.trim().into(), column: affine.column, unit: affine.unit, scale, offset, scaled: affine.scaled })
+        let Affine { column, second, unit, scaled, .. } = affine;
+        if second.is_some() && (unit.is_some() || scaled) {
+            return Err(error("a date and a time of day have neither unit nor factor".into()));
+        }
+        Ok(Self { role, text: expr.trim().into(), column, second, unit, scale, offset, scaled })
     }
 }
 
 /// Factor and offset of a formula that is a straight line in one variable; `None` for any other.
 pub(super) fn line(formula: &str) -> Option<(f64, f64)> {
-    let affine = Parser { text: formula, rest: formula }.expression().ok()?;
+    let affine = Parser { text: formula, rest: formula, two: false }.expression().ok()?;
     affine.unit.is_none().then_some((affine.scale, affine.offset))
 }
 
 /// `scale * column [unit] + offset` as typed.
 struct Affine {
     column: String,
+    second: Option<String>,
     unit: Option<String>,
     scale: f64,
     offset: f64,
@@ -151,6 +171,8 @@ type Named = (String, Option<String>);
 struct Parser<'a> {
     text: &'a str,
     rest: &'a str,
+    /// Whether a second column may be added: the time of day to its date.
+    two: bool,
 }
 
 /// A factor of a term.
@@ -161,23 +183,25 @@ enum Factor {
 
 impl Parser<'_> {
     fn expression(mut self) -> Result<Affine, String> {
-        let mut affine = Affine { column: String::new(), unit: None, scale: 0.0, offset: 0.0, scaled: false };
+        let mut affine = Affine { column: String::new(), second: None, unit: None, scale: 0.0, offset: 0.0, scaled: false };
         let mut sign = if self.take('-') { -1.0 } else { 1.0 };
         affine.scaled = sign < 0.0;
         loop {
             let (number, column) = self.term()?;
             match column {
-                None => affine.offset += sign * number,
+                None => (affine.offset, affine.scaled) = (affine.offset + sign * number, true),
+                Some((name, None)) if self.two && !affine.column.is_empty() && affine.second.is_none() && sign * number == 1.0 => {
+                    affine.second = Some(name);
+                }
                 Some(_) if !affine.column.is_empty() => return Err("it may hold one column only".into()),
                 Some((name, unit)) => {
-                    affine.scaled |= number != 1.0;
+                    affine.scaled |= sign * number != 1.0;
                     (affine.column, affine.unit, affine.scale) = (name, unit, sign * number);
                 }
             }
             if self.rest.trim().is_empty() {
                 break;
             }
-            affine.scaled = true;
             sign = if self.take('+') {
                 1.0
             } else if self.take('-') {
@@ -191,14 +215,21 @@ impl Parser<'_> {
 
     fn term(&mut self) -> Result<(f64, Option<Named>), String> {
         let (mut number, mut column) = (1.0, None);
-        let mut divide = false;
+        let (mut divide, mut begin) = (false, 0);
         loop {
+            let before = self.text.len() - self.rest.trim_start().len();
             match self.factor()? {
                 Factor::Number(n) if divide => number /= n,
                 Factor::Number(n) => number *= n,
+                // `Druck / bar`, `CAN1/I_cmd`: no column may divide, so this is one name.
+                Factor::Column(name, unit) if divide && column.as_ref().is_some_and(|c: &Named| c.1.is_none()) && !name.is_empty() => {
+                    let text = self.text[begin..self.text.len() - self.rest.len()].trim();
+                    let text = text.rfind('[').filter(|_| unit.is_some()).map_or(text, |at| text[..at].trim());
+                    column = Some((text.into(), unit));
+                }
                 Factor::Column(..) if divide => return Err("a column may not divide".into()),
                 Factor::Column(..) if column.is_some() => return Err("it may hold one column only".into()),
-                Factor::Column(name, unit) => column = Some((name, unit)),
+                Factor::Column(name, unit) => (column, begin) = (Some((name, unit)), before),
             }
             divide = if self.take('*') {
                 false
@@ -317,6 +348,10 @@ mod tests {
         assert_eq!(read("current_a=CAN1::Valve current-set [mA]"), ("CAN1::Valve current-set".into(), 1e-3, 0.0));
         assert_eq!(read("current_a=1e-3*I"), ("I".into(), 1e-3, 0.0));
         assert_eq!(read("run=Test name"), ("Test name".into(), 1.0, 0.0));
+        assert_eq!(read("pressure_bar=Druck / bar [mbar]"), ("Druck / bar".into(), 1e-3, 0.0));
+        assert_eq!(read("current_a=0.5 * CAN1/I_cmd [mA]"), ("CAN1/I_cmd".into(), 5e-4, 0.0));
+        let time = Mapping::parse("time_s=Datum + Zeit").unwrap();
+        assert_eq!((time.column.as_str(), time.second.as_deref(), time.scaled), ("Datum", Some("Zeit"), false));
     }
 
     #[test]

@@ -10,11 +10,17 @@ mod csv;
 mod error;
 #[cfg(test)]
 mod fuzz;
+mod header;
+mod inspect;
+mod likely;
 mod mapping;
 mod mdf4;
 mod parquet;
 mod part;
+mod reading;
+mod scan;
 mod source;
+mod stamps;
 mod table;
 mod write;
 
@@ -25,7 +31,10 @@ pub const MOST_VALUES: u64 = 45_000_000;
 
 pub use columns::ColumnValues;
 pub use error::RecordingError;
+pub use inspect::{ChannelSurvey, Content, Proposal, Survey, inspect};
 pub use mapping::{Mapping, Role};
+pub use parquet::{Cells, read_parquet};
+pub use reading::{Encoding, MAPPING_SCHEMA, MappingFile, ReadFile, Reading, SelectFile, Selection};
 pub use table::{Column, Values, write_parquet};
 pub use write::replace_file;
 
@@ -148,22 +157,31 @@ impl Recording {
     /// # Errors
     /// What cannot be read is refused with its line or row and its column, see [`RecordingError`].
     pub fn read(path: &Path, map: &[Mapping]) -> Result<Self, RecordingError> {
+        Self::read_as(path, &Reading { map: map.to_vec(), ..Reading::default() })
+    }
+
+    /// Reads a foreign recording: mapped, with its header and its encoding, and only what is selected.
+    ///
+    /// # Errors
+    /// As [`Recording::read`]; a selection that leaves nothing.
+    pub fn read_as(path: &Path, reading: &Reading) -> Result<Self, RecordingError> {
         let file = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
         if path.is_dir() {
             return Err(RecordingError::format(&file, "is a directory; a recording is wanted"));
         }
         let rows = match Format::of(path)? {
-            Format::Csv => csv::read(path, &file, map)?,
-            Format::Parquet => parquet::read(path, &file, map)?,
-            Format::Mdf4 => mdf4::read(path, &file, map)?,
+            Format::Csv => csv::read(path, &file, reading)?,
+            Format::Parquet => parquet::read(path, &file, &reading.map)?,
+            Format::Mdf4 => mdf4::read(path, &file, &reading.map)?,
         };
-        clean::recording(rows)
+        clean::recording(rows)?.selected(&reading.select)
     }
 
     /// Reads a recording from text in memory, see [`Recording::read`]; `source` names it in messages.
     pub fn from_csv(text: impl AsRef<[u8]>, source: &str, map: &[Mapping]) -> Result<Self, RecordingError> {
         let bytes = text.as_ref();
-        clean::recording(csv::read_from(bytes, bytes.len() as u64, Path::new(source), source, map)?)
+        let reading = Reading { map: map.to_vec(), ..Reading::default() };
+        clean::recording(csv::read_from(bytes, bytes.len() as u64, Path::new(source), source, &reading)?)
     }
 
     /// Whether any run holds the channel.

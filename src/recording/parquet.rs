@@ -10,6 +10,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
+use super::inspect::{Content, RawColumn, Table};
 use super::mapping::Role;
 use super::source::{Rows, Source, resolve};
 use super::{Mapping, RecordingError};
@@ -21,6 +22,77 @@ const BATCH: usize = 1 << 16;
 pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
     let result = silenced(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read_trusting(path, file, map))));
     result.unwrap_or_else(|_| Err(RecordingError::format(file, "the file is damaged: its pages contradict one another")))
+}
+
+/// All cells of a column.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cells {
+    /// Numbers; NaN is a gap.
+    Numbers(Vec<f64>),
+    /// Time stamps as seconds since the first.
+    Stamps(Vec<f64>),
+    /// Texts; a gap is empty.
+    Texts(Vec<String>),
+}
+
+/// Every column of a Parquet file with its name, but for lists.
+///
+/// # Errors
+/// What cannot be read, see [`RecordingError`].
+pub fn read_parquet(path: &Path) -> Result<Vec<(String, Cells)>, RecordingError> {
+    let file = path.display().to_string();
+    let result = silenced(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| columns(path, &file))));
+    result.unwrap_or_else(|_| Err(RecordingError::format(&file, "the file is damaged: its pages contradict one another")))
+}
+
+fn columns(path: &Path, file: &str) -> Result<Vec<(String, Cells)>, RecordingError> {
+    let damaged = |e: ParquetError| RecordingError::format(file, e);
+    let handle = File::open(path).map_err(RecordingError::io(path))?;
+    let reader = SerializedFileReader::new(handle).map_err(damaged)?;
+    let schema = reader.metadata().file_metadata().schema_descr();
+    let mut columns = Vec::new();
+    for (at, column) in schema.columns().iter().enumerate() {
+        let Ok(kind) = Kind::of(column) else { continue };
+        let levels = column.max_def_level();
+        let (mut values, mut words, mut first) = (Vec::new(), Vec::new(), None);
+        for group in 0..reader.num_row_groups() {
+            let group = reader.get_row_group(group).map_err(damaged)?;
+            let take = |value: f64| {
+                let value = if kind.is_stamp() { value - *first.get_or_insert(value) } else { value };
+                values.push(value * kind.scale());
+            };
+            if numbers(group.get_column_reader(at).map_err(damaged)?, levels, &kind, take).map_err(damaged)?.is_none() {
+                texts(group.get_column_reader(at).map_err(damaged)?, levels, |text| words.push(text.to_string())).map_err(damaged)?;
+            }
+        }
+        let cells = match (words.is_empty(), kind.is_stamp()) {
+            (false, _) => Cells::Texts(words),
+            (true, true) => Cells::Stamps(values),
+            (true, false) => Cells::Numbers(values),
+        };
+        columns.push((column.path().string(), cells));
+    }
+    Ok(columns)
+}
+
+/// The columns for somebody who does not know yet what is in the file.
+pub(super) fn table(path: &Path) -> Result<Table, RecordingError> {
+    let content = |cells: Cells| match cells {
+        Cells::Numbers(values) if values.iter().any(|v| v.is_finite()) => Content::Numbers(values),
+        Cells::Stamps(values) => Content::Stamps(values, "the first row".into()),
+        Cells::Texts(texts) => {
+            let mut distinct: Vec<String> = Vec::new();
+            for text in texts {
+                if distinct.len() < 1000 && !text.is_empty() && !distinct.contains(&text) {
+                    distinct.push(text);
+                }
+            }
+            if distinct.is_empty() { Content::Empty } else { Content::Texts(distinct) }
+        }
+        Cells::Numbers(_) => Content::Empty,
+    };
+    let column = |(header, cells)| RawColumn { group: String::new(), header, unit: None, content: content(cells) };
+    Ok(Table { columns: read_parquet(path)?.into_iter().map(column).collect(), ..Table::default() })
 }
 
 thread_local! {

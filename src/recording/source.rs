@@ -1,12 +1,14 @@
 //! Between a file format and the runs: which column becomes what, and the columns as they stand in the file.
 
-use super::{Channel, Mapping, RecordingError, mapping::Role};
+use super::{Channel, Mapping, RecordingError, likely, mapping::Role};
 
 /// Where each role comes from: column, factor, offset.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Source {
     pub role: Role,
     pub column: usize,
+    /// Column of the time of day, where `column` holds the date.
+    pub second: Option<usize>,
     pub scale: f64,
     pub offset: f64,
     /// Whether the file's own unit of the column counts: neither a unit nor a factor was given.
@@ -16,9 +18,11 @@ pub(super) struct Source {
 /// Finds the column of each role: the mapped ones first, then those that bear a channel's own name.
 ///
 /// # Errors
-/// A mapped column that is not there or is there twice, two mappings for one channel, no time, no current.
+/// A column that is there twice, two mappings for one channel; mapped columns that are not there, no time, no current:
+/// all of them at once, with the columns that are likely to be meant.
 pub(super) fn resolve(file: &str, columns: &[String], map: &[Mapping], time_is_known: bool) -> Result<Vec<Source>, RecordingError> {
     let mut sources = Vec::new();
+    let mut missing: Vec<(Role, Option<&str>)> = Vec::new();
     for role in Role::all() {
         let mut wanted = map.iter().filter(|m| m.role == role);
         let mapping = wanted.next();
@@ -28,35 +32,122 @@ pub(super) fn resolve(file: &str, columns: &[String], map: &[Mapping], time_is_k
         match mapping {
             Some(mapping) => {
                 // A header such as `I_cmd [mA]` is matched as a whole before it is taken apart.
-                let column = match find(file, columns, &mapping.text)? {
-                    Some(column) => Some(column),
-                    None => find(file, columns, &mapping.column)?,
+                let whole = find(file, columns, &mapping.text)?;
+                let (column, second) = match (whole, &mapping.second) {
+                    (Some(column), _) => (Some(column), None),
+                    (None, None) => (find_without_unit(file, columns, &mapping.column)?, None),
+                    (None, Some(second)) => (find(file, columns, &mapping.column)?, Some(second)),
                 };
-                let column = column.ok_or_else(|| missing(file, columns, &mapping.column, String::new()))?;
-                let bare = !mapping.scaled && mapping.unit.is_none();
-                sources.push(Source { role, column, scale: mapping.scale, offset: mapping.offset, bare });
+                let second = match second {
+                    Some(name) => match find(file, columns, name)? {
+                        None => {
+                            missing.push((role, Some(name)));
+                            None
+                        }
+                        there => there,
+                    },
+                    None => None,
+                };
+                match column {
+                    Some(column) => {
+                        let mut source =
+                            Source { role, column, second, scale: mapping.scale, offset: mapping.offset, bare: mapping.is_bare() };
+                        if source.bare && second.is_none() {
+                            source.take_unit(file, &columns[column])?;
+                        }
+                        sources.push(source);
+                    }
+                    None => missing.push((role, Some(&mapping.column))),
+                }
             }
             None => match find(file, columns, role.name())? {
-                Some(column) => sources.push(Source { role, column, scale: 1.0, offset: 0.0, bare: true }),
-                None if role == Role::Time && !time_is_known || role == Role::Channel(Channel::Current) => {
-                    let example = if role == Role::Time { "time_s=\"t [ms]\"" } else { "current_a=\"I_cmd [mA]\"" };
-                    return Err(missing(file, columns, role.name(), format!(" (a foreign name is taken by --map {example})")));
-                }
+                Some(column) => sources.push(Source { role, column, second: None, scale: 1.0, offset: 0.0, bare: true }),
+                None if role == Role::Time && !time_is_known || role == Role::Channel(Channel::Current) => missing.push((role, None)),
                 None => {}
             },
         }
     }
-    Ok(sources)
+    if missing.is_empty() {
+        return Ok(sources);
+    }
+    // Whoever has to map one channel has to map the pressure, too.
+    let pressure = Role::Channel(Channel::Pressure);
+    if !sources.iter().any(|s| s.role == pressure) && !missing.iter().any(|m| m.0 == pressure) {
+        missing.push((pressure, None));
+    }
+    Err(refusal(file, columns, &missing))
 }
 
-fn missing(file: &str, columns: &[String], column: &str, hint: String) -> RecordingError {
-    let near = columns.iter().min_by_key(|c| strsim::osa_distance(c, column)).filter(|c| strsim::osa_distance(c, column) <= 2);
-    let hint = near.map(|n| format!(" (did you mean `{n}`?)")).unwrap_or_default() + &hint;
+/// The column of a name, or the one whose header is that name with a unit behind it.
+fn find_without_unit(file: &str, columns: &[String], name: &str) -> Result<Option<usize>, RecordingError> {
+    if let Some(column) = find(file, columns, name)? {
+        return Ok(Some(column));
+    }
+    let mut at = columns.iter().enumerate().filter(|c| likely::named(c.1).name == name).map(|c| c.0);
+    Ok(at.next().filter(|_| at.next().is_none()))
+}
+
+impl Source {
+    /// The unit that stands in a header, `I_cmd [mA]`, counts where neither a unit nor a factor was typed.
+    fn take_unit(&mut self, file: &str, header: &str) -> Result<(), RecordingError> {
+        let (Some(unit), false) = (likely::named(header).unit, header == self.role.name()) else { return Ok(()) };
+        if self.role == Role::Run {
+            return Ok(());
+        }
+        let (scale, offset) = self.role.conversion(&unit).map_err(|what| unknown_unit(file, header, self.role, &what))?;
+        (self.scale, self.offset, self.bare) = (scale, offset, false);
+        Ok(())
+    }
+}
+
+/// A unit that is none of the role's: numbers whose unit nobody knows are never taken as if they had the right one.
+pub(super) fn unknown_unit(file: &str, header: &str, role: Role, what: &str) -> RecordingError {
+    let own = role.units().map_or("", |u| u.symbol);
+    let name = likely::named(header).name;
+    RecordingError::format(
+        file,
+        format!("`{header}` as {}: {what}. Say the unit, or the factor to {own}: --map {}=\"0.98 * {name}\"", role.name(), role.name()),
+    )
+}
+
+/// Whether a column is a channel's already, by its name.
+fn bears_its_own_name(column: &str) -> bool {
+    Role::all().any(|r| r.name() == column)
+}
+
+/// Every channel that was not found, each with the nearest or the likely columns.
+fn refusal(file: &str, columns: &[String], missing: &[(Role, Option<&str>)]) -> RecordingError {
+    let named: Vec<_> = columns.iter().map(|c| likely::named(c)).collect();
+    let wanted: Vec<String> = missing
+        .iter()
+        .map(|(role, typed)| {
+            let name = typed.unwrap_or(role.name());
+            let near = columns.iter().min_by_key(|c| strsim::osa_distance(c, name)).filter(|c| strsim::osa_distance(c, name) <= 2);
+            let own = columns.iter().any(|c| c == role.name());
+            let hint = match near {
+                Some(near) => format!(" (did you mean `{near}`?)"),
+                None if own && typed.is_some() => String::new(),
+                None => {
+                    let likely: Vec<String> = likely::likely(*role, &named)
+                        .iter()
+                        .filter(|l| !bears_its_own_name(&columns[l.0]))
+                        .take(3)
+                        .map(|l| format!("`{}`", columns[l.0]))
+                        .collect();
+                    if likely.is_empty() { String::new() } else { format!(" (likely: {})", likely.join(", ")) }
+                }
+            };
+            match typed {
+                Some(typed) => format!("column `{typed}` for {}{hint}", role.name()),
+                None => format!("`{name}`{hint}"),
+            }
+        })
+        .collect();
     let mut found = columns.iter().take(40).map(|c| format!("`{c}`")).collect::<Vec<_>>().join(", ");
     if columns.len() > 40 {
         found += &format!(" and {} more", columns.len() - 40);
     }
-    RecordingError::MissingColumn { file: file.into(), column: column.into(), hint, found }
+    RecordingError::MissingChannels { file: file.into(), wanted: wanted.join(", no "), found }
 }
 
 fn find(file: &str, columns: &[String], name: &str) -> Result<Option<usize>, RecordingError> {

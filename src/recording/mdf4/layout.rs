@@ -127,6 +127,12 @@ fn group<F: Read + Seek>(
 }
 
 impl Group {
+    /// How the group is called before a `/`: by its name, or by its number where it has none of its own.
+    pub fn label(&self, number: usize, all: &[Self]) -> String {
+        let own = !self.name.is_empty() && all.iter().filter(|g| g.name == self.name).count() == 1;
+        if own { self.name.clone() } else { (number + 1).to_string() }
+    }
+
     /// The channel that holds the time of each record.
     pub fn master(&self) -> Option<usize> {
         self.channels.iter().position(|c| matches!(c.kind, 2 | 3) && c.sync == 1)

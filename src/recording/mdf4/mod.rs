@@ -8,16 +8,18 @@ mod block;
 mod conversion;
 mod data;
 mod layout;
+mod table;
 mod write;
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
+pub(super) use table::table;
 pub(super) use write::write;
 
 use super::mapping::Role;
-use super::source::{Rows, Source, resolve};
+use super::source::{Rows, Source, resolve, unknown_unit};
 use super::{Channel as Known, Mapping, RecordingError};
 use block::Blocks;
 use conversion::Conversion;
@@ -38,10 +40,12 @@ pub(super) fn read_from(input: impl Read + Seek, file: &str, map: &[Mapping]) ->
     let damaged = |what: String| RecordingError::format(file, what);
     let mut blocks = Blocks::open(input).map_err(damaged)?;
     let groups = layout::groups(&mut blocks).map_err(damaged)?;
+    let labels: Vec<String> = groups.iter().enumerate().map(|(n, g)| g.label(n, &groups)).collect();
+    let label = |group: &Group| groups.iter().position(|g| std::ptr::eq(g, group)).map_or("", |at| labels[at].as_str());
     let has = |group: &Group, role: Role| {
         let mapping = map.iter().find(|m| m.role == role);
         let named = |name: &str| match mapping {
-            Some(m) => name == m.text || name == m.column,
+            Some(m) => is_named(m, label(group), name),
             None => name == role.name(),
         };
         group.channels.iter().any(|c| named(&c.name))
@@ -54,27 +58,35 @@ pub(super) fn read_from(input: impl Read + Seek, file: &str, map: &[Mapping]) ->
     let mut reader = Reader { blocks, file, map, notes: Vec::new() };
     if with_command.is_empty() {
         // Says which channels there are.
-        let all: Vec<String> = groups.iter().flat_map(|g| g.channels.iter().map(|c| c.name.clone())).collect();
-        resolve(file, &all, map, true)?;
+        resolve(file, &all_channels(&groups), map, true)?;
         return Err(damaged("no channel group holds the command".into()));
     }
 
     let mut rows = Rows { file: file.into(), ..Rows::default() };
     let single = with_command.len() == 1;
     for (number, group) in with_command.iter().enumerate() {
-        let mut columns = reader.columns(group, Role::all().filter(|r| *r != Role::Run && has(group, *r)))?;
+        let mut columns = reader.columns(group, label(group), Role::all().filter(|r| *r != Role::Run && has(group, *r)))?;
         for role in Role::all().filter(|r| *r != Role::Run && *r != Role::Time && !has(group, *r)) {
             let mut elsewhere = groups.iter().filter(|g| has(g, role));
             let other = match (elsewhere.next(), elsewhere.next()) {
                 (Some(other), None) if single => other,
-                (Some(_), Some(_)) if single => return Err(damaged(format!("`{}` is there in several channel groups", role.name()))),
+                (Some(_), Some(_)) if single => {
+                    let name = map.iter().find(|m| m.role == role).map_or(role.name(), |m| m.column.as_str());
+                    let places: Vec<String> = groups.iter().filter(|g| has(g, role)).map(|g| format!("`{}/{name}`", label(g))).collect();
+                    return Err(damaged(format!(
+                        "`{}` is there in several channel groups; map one of them as group/channel: {}",
+                        role.name(),
+                        places.join(", ")
+                    )));
+                }
                 (None, _) if map.iter().any(|m| m.role == role) => {
-                    let all: Vec<String> = groups.iter().flat_map(|g| g.channels.iter().map(|c| c.name.clone())).collect();
-                    return Err(resolve(file, &all, map, true).err().unwrap_or_else(|| damaged(format!("no `{}`", role.name()))));
+                    return Err(resolve(file, &all_channels(&groups), map, true)
+                        .err()
+                        .unwrap_or_else(|| damaged(format!("no `{}`", role.name()))));
                 }
                 _ => continue,
             };
-            let found = reader.columns(other, [role].into_iter())?;
+            let found = reader.columns(other, label(other), [role].into_iter())?;
             let hold = role == Role::Channel(Known::Target);
             let values = at_times(&columns.time_s, &found.time_s, &found.values[0].1, hold)
                 .ok_or_else(|| damaged(format!("`{}`: the time of its channel group does not increase", role.name())))?;
@@ -92,6 +104,21 @@ pub(super) fn read_from(input: impl Read + Seek, file: &str, map: &[Mapping]) ->
     rows.notes = reader.notes;
     rows.notes.dedup();
     Ok(rows)
+}
+
+/// Whether a mapping means the channel `name` of the group `label`.
+fn is_named(mapping: &Mapping, label: &str, name: &str) -> bool {
+    let of_group = |text: &str| text.strip_prefix(label).and_then(|rest| rest.strip_prefix('/')) == Some(name);
+    [mapping.text.as_str(), mapping.column.as_str()].iter().any(|text| *text == name || of_group(text))
+}
+
+/// Every channel, with its group where there are several.
+fn all_channels(groups: &[Group]) -> Vec<String> {
+    let named = |(number, group): (usize, &Group)| {
+        let label = if groups.len() > 1 { format!("{}/", group.label(number, groups)) } else { String::new() };
+        group.channels.iter().map(|c| format!("{label}{}", c.name)).collect::<Vec<_>>()
+    };
+    groups.iter().enumerate().flat_map(named).collect()
 }
 
 /// What was read from one group.
@@ -142,29 +169,29 @@ struct Tap {
 
 impl<F: Read + Seek> Reader<'_, F> {
     /// The time and the columns of `roles` of a group.
-    fn columns(&mut self, group: &Group, roles: impl Iterator<Item = Role>) -> Result<Columns, RecordingError> {
+    fn columns(&mut self, group: &Group, label: &str, roles: impl Iterator<Item = Role>) -> Result<Columns, RecordingError> {
         let names: Vec<String> = group.channels.iter().map(|c| c.name.clone()).collect();
         let wanted: Vec<Role> = roles.collect();
-        let mut sources = sources(self.file, &names, self.map, &wanted)?;
+        // Within its group a channel goes by its own name.
+        let own = |m: &Mapping| match names.iter().find(|n| is_named(m, label, n)) {
+            Some(name) => Mapping { text: name.clone(), column: name.clone(), ..m.clone() },
+            None => m.clone(),
+        };
+        let map: Vec<Mapping> = self.map.iter().map(own).collect();
+        let mut sources = sources(self.file, &names, &map, &wanted)?;
         if !sources.iter().any(|s| s.role == Role::Time) {
             let column = group.master().ok_or_else(|| {
                 RecordingError::format(self.file, format!("the channel group `{}` has no time: no master channel", group.name))
             })?;
-            sources.insert(0, Source { role: Role::Time, column, scale: 1.0, offset: 0.0, bare: true });
+            sources.insert(0, Source { role: Role::Time, column, second: None, scale: 1.0, offset: 0.0, bare: true });
         }
         let mut taps = Vec::new();
         for source in &mut sources {
             let channel = &group.channels[source.column];
             let refused = |what: String| RecordingError::format(self.file, format!("channel `{}`: {what}", channel.name));
             if source.bare && !channel.unit.is_empty() {
-                match source.role.conversion(&channel.unit) {
-                    Ok((scale, offset)) => (source.scale, source.offset) = (scale, offset),
-                    Err(_) => self.notes.push(format!(
-                        "{} has the unit `{}` in the file: its numbers are taken as they are",
-                        source.role.name(),
-                        channel.unit
-                    )),
-                }
+                let conversion = source.role.conversion(&channel.unit);
+                (source.scale, source.offset) = conversion.map_err(|what| unknown_unit(self.file, &channel.name, source.role, &what))?;
             }
             let (raw, validity) = channel.raw(group).map_err(refused)?;
             let conversion = Conversion::read(&mut self.blocks, channel.conversion, 0).map_err(refused)?;
@@ -412,8 +439,16 @@ pub(super) mod tests {
         write(&table(), &mut file).unwrap();
         insta::assert_snapshot!(message(Vec::new(), &[]), @"r.mf4: shorter than the head of an MDF file");
         insta::assert_snapshot!(message(vec![b'x'; 100], &[]), @"r.mf4: not an MDF file: it does not begin with `MDF`");
-        insta::assert_snapshot!(message(file.clone(), &["current_a=I_cmd [mA]"]), @"r.mf4: no column `I_cmd`; the file has: `time_s`, `current_a`, `pressure_bar`");
-        insta::assert_snapshot!(message(file.clone(), &["supply_bar=p_s"]), @"r.mf4: no column `p_s`; the file has: `time_s`, `current_a`, `pressure_bar`");
+        insta::assert_snapshot!(message(file.clone(), &["current_a=I_cmd [mA]"]), @r#"
+        r.mf4: there is no column `I_cmd` for current_a
+        the file has: `time_s`, `current_a`, `pressure_bar`
+        `hil inspect` shows what is in it and writes a mapping; a foreign name is taken by --map current_a="I_cmd [mA]"
+        "#);
+        insta::assert_snapshot!(message(file.clone(), &["supply_bar=p_s"]), @r#"
+        r.mf4: there is no column `p_s` for supply_bar
+        the file has: `time_s`, `current_a`, `pressure_bar`
+        `hil inspect` shows what is in it and writes a mapping; a foreign name is taken by --map current_a="I_cmd [mA]"
+        "#);
         file[28] = 74;
         file[29] = 1;
         insta::assert_snapshot!(message(file, &[]), @"r.mf4: MDF version 3.30; only MDF 4 is read: convert it, for instance with asammdf");

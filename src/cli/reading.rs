@@ -1,0 +1,85 @@
+//! The options that say how a recording is read; the same for every command that reads one.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::CliError;
+use crate::recording::{Encoding, Mapping, Reading, Recording, RecordingError, Selection};
+use crate::units::TIME;
+
+/// How a foreign recording is read.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Recording")]
+pub struct ReadArgs {
+    /// Take a channel from a foreign column: current_a="I_cmd [mA]", time_s="Datum + Zeit", pressure_bar="0.98 * p"
+    #[arg(long, value_name = "CH=EXPR")]
+    pub map: Vec<String>,
+    /// Mapping file, as `hil inspect` writes it; --map and the options below go before what it says
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
+    /// Take this run only; more than once for more of them
+    #[arg(long = "run", value_name = "NAME")]
+    pub runs: Vec<String>,
+    /// Leave out what lies before this time of each run's clock; a plain number is in s
+    #[arg(long, value_name = "TIME", value_parser = time, allow_hyphen_values = true)]
+    pub from: Option<f64>,
+    /// Leave out what lies behind this time of each run's clock; a plain number is in s
+    #[arg(long, value_name = "TIME", value_parser = time, allow_hyphen_values = true)]
+    pub to: Option<f64>,
+    /// Line of a text that holds the names, counted from 1; found where it is not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub header_row: Option<u32>,
+    /// Encoding of a text: utf-8, utf-16, latin-1
+    #[arg(long, value_name = "NAME")]
+    pub encoding: Option<Encoding>,
+}
+
+fn time(text: &str) -> Result<f64, String> {
+    let with_unit = if text.trim().parse::<f64>().is_ok() { format!("{text} s") } else { text.to_string() };
+    TIME.parse(&with_unit).map_err(|e| e.to_string())
+}
+
+impl ReadArgs {
+    /// What was typed, and what the mapping file says beside it.
+    pub fn reading(&self) -> Result<Reading, CliError> {
+        let mut typed = Reading {
+            map: Vec::new(),
+            header_row: self.header_row.map(|row| row as usize),
+            encoding: self.encoding,
+            select: Selection { runs: self.runs.clone(), from_s: self.from, to_s: self.to },
+        };
+        let mut file = self.mapping.clone();
+        for text in &self.map {
+            // `--map log.map.toml` can only mean the file.
+            if !text.contains('=') && text.ends_with(".toml") && file.is_none() {
+                file = Some(text.into());
+            } else {
+                typed.map.push(Mapping::parse(text).map_err(CliError::usage)?);
+            }
+        }
+        if let (Some(from), Some(to)) = (self.from, self.to)
+            && from >= to
+        {
+            return Err(CliError::usage(format!("--from {from} s does not lie before --to {to} s")));
+        }
+        match file {
+            Some(path) => Ok(typed.or(Reading::load(&path).map_err(CliError::input)?)),
+            None => Ok(typed),
+        }
+    }
+
+    /// The files beside the recording that it is read with.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let typed = self.map.iter().filter(|m| !m.contains('=') && m.ends_with(".toml")).map(PathBuf::from);
+        self.mapping.iter().cloned().chain(typed).collect()
+    }
+
+    /// Reads a recording as it was asked for.
+    pub fn read(&self, path: &Path) -> Result<Recording, CliError> {
+        Recording::read_as(path, &self.reading()?).map_err(|e| match e {
+            RecordingError::Mapping { .. } => CliError::usage(e),
+            other => CliError::input(other),
+        })
+    }
+}
