@@ -8,21 +8,24 @@ use crate::record::Outcome;
 use crate::report::format;
 use crate::report::plot::{Color, Figure, Stroke};
 
-/// What fails most: counts as bars, their cumulative share as a line of numbers in the table beside.
+/// What fails most: each cause with its share of all failures as a bar, and a mark at the share of all up to it.
 pub fn pareto(summary: &BatchSummary) -> Markup {
     let shown = &summary.pareto[..summary.pareto.len().min(12)];
-    let most = shown.first().map_or(1, |b| b.count);
+    let all: usize = summary.pareto.iter().map(|b| b.count).sum();
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let share = |count: usize| count as f64 / all.max(1) as f64;
     html! {
         .card.scroll {
             table.pareto {
-                thead { tr { th { "cause" } th.num { "valves" } th { "share of the failures" } th.num { "cumulative" } } }
+                thead { tr { th { "cause" } th.num { "failures" } th { "share of the failures; the mark is the sum so far" } th.num { "share" } th.num { "cumulative" } } }
                 tbody {
                     @for bar in shown {
                         tr {
                             td { (bar.cause) }
                             td.num { (bar.count) }
-                            td.wide { span.gauge.fail { i style={ "width:" (100 * bar.count / most) "%" } {} } }
-                            td.num { (format!("{:.1} %", 100.0 * bar.cumulative)) }
+                            td.share { span.gauge.pareto.fail { i style={ "width:" (format!("{:.1}", 100.0 * share(bar.count))) "%" } {} u style={ "left:calc(" (format!("{:.1}", 100.0 * bar.cumulative)) "% - 2px)" } {} } }
+                            td.num { (percent(share(bar.count))) }
+                            td.num { (percent(bar.cumulative)) }
                         }
                     }
                 }
@@ -52,7 +55,9 @@ fn histogram(m: &MetricStatistics) -> Markup {
         return html! { .card { h3 { "Histogram" } p.soft { (m.histogram.absent.as_deref().unwrap_or("absent")) } } };
     };
     let classes: Vec<(f64, f64)> = h.counts.iter().enumerate().map(|(i, c)| (h.start + h.width * (i + 1) as f64, *c as f64)).collect();
-    let mut figure = Figure::new("Histogram", label(m), "valves").histogram("valves", Color::Measured, &classes).height(200);
+    let mut figure = Figure::new(format!("Histogram, {} valves", h.counts.iter().sum::<usize>()), label(m), "valves in the class")
+        .histogram("valves", Color::Measured, &classes)
+        .height(200);
     // The limits belong into the picture, unless they lie so far away that nothing else would be left of it.
     let (low, high) = (h.start, h.start + h.width * h.counts.len() as f64);
     let reach = 4.0 * (high - low);

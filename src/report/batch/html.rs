@@ -7,35 +7,12 @@ use crate::batch::summary::BatchSummary;
 use crate::report::badge;
 use crate::report::format;
 
-/// Sorts and filters the table of valves; prints nothing and fetches nothing.
-const SCRIPT: &str = r"
-for (const table of document.querySelectorAll('table.sortable')) {
-  const body = table.tBodies[0], text = (row, k) => row.cells[k].textContent.trim();
-  table.querySelectorAll('thead th').forEach((head, k) => head.addEventListener('click', () => {
-    const down = head.dataset.order === 'up';
-    table.querySelectorAll('thead th').forEach(h => delete h.dataset.order);
-    head.dataset.order = down ? 'down' : 'up';
-    const rows = [...body.rows].map(row => ({ row, text: text(row, k), number: parseFloat(text(row, k)) }));
-    const numeric = head.classList.contains('num');
-    rows.sort((a, b) => numeric ? (isNaN(a.number) ? Infinity : a.number) - (isNaN(b.number) ? Infinity : b.number) : a.text.localeCompare(b.text, undefined, { numeric: true }));
-    if (down) rows.reverse();
-    body.append(...rows.map(r => r.row));
-  }));
-}
-const filter = document.getElementById('filter');
-if (filter) filter.addEventListener('input', () => {
-  const wanted = filter.value.toLowerCase();
-  for (const row of document.getElementById('valves').tBodies[0].rows) row.hidden = !row.textContent.toLowerCase().includes(wanted);
-});
-";
-
-/// Heads that sort; id and page number on every printed page.
+/// A place to sign; id and page number on every printed page.
 const STYLE: &str = r"
-table.sortable th { cursor: pointer; user-select: none; } table.sortable th[data-order=up]::after { content: ' \25B2'; } table.sortable th[data-order=down]::after { content: ' \25BC'; }
 #valves th { white-space: normal; } #valves td { white-space: nowrap; } #valves td:last-child { white-space: normal; }
-td.wide { width: 45%; } .sign { display: grid; grid-template-columns: repeat(auto-fit, minmax(200px, 1fr)); gap: 14px 24px; margin-top: 34px; } .sign div { border-top: 1px solid var(--ink); padding-top: 4px; color: var(--soft); font-size: 12.5px; }
+td.share { width: 40%; } .gauge.pareto { height: 12px; } .gauge.pareto u { position: absolute; top: 0; bottom: 0; width: 2px; background: var(--ink); } .sign { display: grid; grid-template-columns: repeat(auto-fit, minmax(200px, 1fr)); gap: 14px 24px; margin-top: 34px; } .sign div { border-top: 1px solid var(--ink); padding-top: 4px; color: var(--soft); font-size: 12.5px; }
 #filter { font: inherit; padding: 2px 8px; border: 1px solid var(--line); border-radius: 6px; background: var(--card); color: var(--ink); }
-@media print { thead { display: table-header-group; } #valves { font-size: 8.5pt; } table { font-size: 8.5pt; } .scroll { overflow: visible; break-inside: auto; } .sign { break-inside: avoid; } details:not([open]) { display: none; } }
+@media print { thead { display: table-header-group; } .scroll { overflow: visible; break-inside: auto; } .sign { break-inside: avoid; } details:not([open]) { display: none; } }
 ";
 
 /// The page. `id` identifies the report on every printed page.
@@ -71,7 +48,6 @@ pub fn html(summary: &BatchSummary, id: &str) -> String {
         footer {
             "Report " code { (id) } ". The results relate only to the items tested. Written from the records alone (" code { (summary.schema) } "): nothing on this page was fetched. End of report."
         }
-        script { (PreEscaped(SCRIPT)) }
     };
     crate::report::page(&format!("Batch of {} on {}", summary.valves.len(), summary.batch.plan), &body)
 }

@@ -9,7 +9,7 @@ use crate::record::Outcome;
 use crate::report::format;
 
 /// Columns of measured values in the table of valves at most; the rest is in the CSV.
-const VALUE_COLUMNS: usize = 6;
+const VALUE_COLUMNS: usize = 24;
 
 /// Statistics of every metric; those with a limit first.
 pub fn statistics(summary: &BatchSummary) -> Markup {
@@ -27,7 +27,7 @@ pub fn statistics(summary: &BatchSummary) -> Markup {
 fn statistics_table(metrics: &[&MetricStatistics]) -> Markup {
     html! {
         .card.scroll {
-            table {
+            table.wide.sortable {
                 thead { tr { th { "metric" } th { "limit" } th.num { "n" } th.num { "mean" } th.num { "deviation" } th.num { "min" } th.num { "max" } th.num { "Cp" } th.num { "Cpk" } th.num { "Pp" } th.num { "Ppk" } th.num { "normality" } } }
                 tbody {
                     @for m in metrics {
@@ -66,7 +66,12 @@ fn index_cell(finding: &Finding<Index>) -> Markup {
 
 /// Every valve; sortable, each with a link to its own report where there is one.
 pub fn valves(summary: &BatchSummary) -> Markup {
-    let shown: Vec<(usize, &MetricStatistics)> = limited(summary).take(VALUE_COLUMNS).collect();
+    // What failed most stands first.
+    let failures = |m: &MetricStatistics| summary.pareto.iter().find(|b| b.cause == m.name).map_or(0, |b| b.count);
+    let mut shown: Vec<(usize, &MetricStatistics)> = limited(summary).collect();
+    shown.sort_by_key(|(_, m)| std::cmp::Reverse(failures(m)));
+    let more = shown.len().saturating_sub(VALUE_COLUMNS);
+    shown.truncate(VALUE_COLUMNS);
     let has = |of: fn(&ValveRow) -> &Option<String>| summary.valves.iter().any(|v| of(v).is_some());
     let (part, revision, lot) = (has(|v| &v.part_number), has(|v| &v.revision), has(|v| &v.lot));
     let retried = summary.valves.iter().any(|v| v.attempts.len() > 1);
@@ -76,9 +81,10 @@ pub fn valves(summary: &BatchSummary) -> Markup {
         push_row(&mut rows, v, &shown, (part, revision, lot, retried));
     }
     html! {
-        p.hint.soft { "Click a heading to sort. " label { "Show only: " input #filter type="search" placeholder="serial, lot, verdict"; } }
+        p.hint.soft { "Click a heading to sort. " label { "Show only: " input #filter data-filter="valves" type="search" placeholder="serial, lot, verdict"; } }
+        @if more > 0 { p.soft { (more) " more metrics with a limit are in measurements.csv." } }
         .card.scroll {
-            table #valves.sortable {
+            table #valves.sortable.wide {
                 thead { tr {
                     th.num { "no." } th { "serial" } @if part { th { "part" } } @if revision { th { "rev." } } @if lot { th { "lot" } }
                     th { "verdict" } @if retried { th { "attempts" } }

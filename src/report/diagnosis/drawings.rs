@@ -21,10 +21,18 @@ pub fn run(found: &Diagnosed, run: &RunStory, named: bool) -> Markup {
         (None, false) => "Pressure".into(),
     };
     let pressure = |title: String, time_label: &str| {
-        let figure = Figure::new(title, time_label, "pressure [bar]")
-            .series("measured", Color::Reference, Stroke::Thin, time.clone(), measured.clone())
-            .series("model as given", Color::Error, Stroke::Dashed, time.clone(), base.clone());
-        if changed { figure.series(after, Color::Good, Stroke::Thin, time.clone(), augmented.clone()) } else { figure }
+        // What was measured lies on top, thin: neither model hides it.
+        let mut figure = Figure::new(title, time_label, "pressure [bar]");
+        if changed {
+            figure = figure.series(after, Color::Good, Stroke::Line, time.clone(), augmented.clone());
+        }
+        figure.series("model as given", Color::Error, Stroke::Dashed, time.clone(), base.clone()).series(
+            "measured",
+            Color::Reference,
+            Stroke::Thin,
+            time.clone(),
+            measured.clone(),
+        )
     };
     let inside = |t: &f64| (run.worst_s.0..=run.worst_s.1).contains(t);
     let span = [&measured, &base]

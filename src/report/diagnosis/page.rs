@@ -28,7 +28,7 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
         (heading(d))
         (tables::tiles(d))
         h2 { "Recording and simulation" }
-        p.soft.hint { "Point to read values, drag to zoom, double-click to zoom out. Figures with the same time axis move together." }
+        p.soft.hint { (crate::report::page::HINT) }
         @for run in story.runs.iter().take(1) { (drawings::run(found, run, story.runs.len() > 1)) }
         @if story.runs.len() > 1 {
             details.rest {

@@ -44,7 +44,7 @@ pub fn over_time(record: &TestRecord, trace: &Trace) -> Markup {
     html! {
         (pressure.ranges(range, None).render())
         @if closed {
-            (Figure::new("Error: measured less delayed reference", TIME, "error [bar]").height(150)
+            (tolerance(Figure::new("Error: measured less delayed reference", TIME, "error [bar]").height(170), record)
                 .series("error", Color::Error, Stroke::Thin, time(), error_bar(trace, delay_s))
                 .ranges(range, None).render())
         }
@@ -55,6 +55,26 @@ pub fn over_time(record: &TestRecord, trace: &Trace) -> Markup {
                 .ranges(range, None).render())
         }
     }
+}
+
+/// The largest error that each phase allows, as two edges over its time.
+fn tolerance(figure: Figure, record: &TestRecord) -> Figure {
+    let (mut x, mut upper) = (Vec::new(), Vec::new());
+    for phase in &record.phases {
+        let largest = phase.measurements.iter().filter(|m| m.metric == "max_error").find_map(|m| m.limit.as_ref()?.max);
+        if let (Some((from, to)), Some(largest)) = (phase.span_s, largest) {
+            x.extend([from, to, to]);
+            upper.extend([largest, largest, f64::NAN]);
+        }
+    }
+    if x.is_empty() {
+        return figure;
+    }
+    let lower = upper.iter().map(|v| -v).collect();
+    figure
+        .dashed("limit of max_error", Color::Limit, x.clone(), upper)
+        .dashed("", Color::Limit, x, lower)
+        .caption("Dashed: the largest error that the plan allows in the phase.")
 }
 
 fn with_phases(mut figure: Figure, record: &TestRecord) -> Figure {

@@ -17,7 +17,7 @@ pub fn html(record: &TestRecord, trace: &Trace) -> String {
         (tables::measurements(record))
         @if !trace.time_s.is_empty() {
             h2 { "Over time" }
-            p.soft.hint { "Point to read values, drag to zoom, double-click to zoom out. The figures of one time axis move together." }
+            p.soft.hint { (super::page::HINT) }
             (figures::over_time(record, trace))
         }
         (figures::loops(record, trace))
@@ -35,7 +35,7 @@ pub fn html(record: &TestRecord, trace: &Trace) -> String {
         (tables::identity(record))
         footer { "A view of one record (" code { (record.schema) } "). The page is complete in itself: nothing is fetched." }
     };
-    super::page(&format!("{} on {}: {}", record.plan.name, record.dut.serial, format::outcome(record.outcome)), &body)
+    super::page(&format!("{} on {}: {}", record.plan.name, record.dut.serial, format::run_verdict(record)), &body)
 }
 
 fn heading(record: &TestRecord) -> Markup {
@@ -47,7 +47,7 @@ fn heading(record: &TestRecord) -> Markup {
             }
             .badges {
                 @if let Some(word) = format::origin_badge(record.origin()) { span.badge.big.sim { (word) } }
-                (badge(format::outcome(record.outcome), true))
+                (badge(format::run_verdict(record), true))
             }
         }
         @if record.ended_unsafe() { .alarm role="alert" { (format::UNSAFE) } }

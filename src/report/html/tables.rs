@@ -49,17 +49,17 @@ fn big_value(measurement: &Measurement) -> Markup {
 pub fn measurements(record: &TestRecord) -> Markup {
     html! {
         .card.scroll {
-            table {
+            table.verdicts {
                 thead { tr { th { "measurement" } th.num { "value" } th { "limit" } th { "share of the limit" } th { "verdict" } } }
                 tbody {
                     @for phase in &record.phases {
                         tr.group {
-                            td colspan="4" {
+                            td.what colspan="4" {
                                 (phase.name) " "
                                 span.soft { @if phase.role != "main" { "(" (phase.role) ") " } (format::span(phase)) }
                                 @if let Some(reason) = &phase.reason { .why { (reason) } }
                             }
-                            td { (badge(format::phase_verdict(phase), false)) }
+                            td.verdict { (badge(format::phase_verdict(phase), false)) }
                         }
                         @for measurement in &phase.measurements { (measurement_row(measurement)) }
                     }
@@ -73,11 +73,11 @@ fn measurement_row(measurement: &Measurement) -> Markup {
     let warning = format::warning(measurement);
     html! {
         tr.(row_class(measurement.outcome)) {
-            td { code { (format::definition(measurement)) } @if let Some(reason) = &measurement.reason { .why { (reason) } } }
+            td.what { code { (format::definition(measurement)) } @if let Some(reason) = &measurement.reason { .why { (reason) } } }
             td.num { (format::value(measurement)) }
             td.limit { (format::limit(measurement)) @if !warning.is_empty() { .why { "warns " (warning) } } }
             td { (gauge(measurement)) }
-            td { (badge(format::verdict(measurement), false)) }
+            td.verdict { (badge(format::verdict(measurement), false)) }
         }
     }
 }

@@ -25,7 +25,8 @@ pub fn html(found: &Identified) -> String {
         @if found.quality.adequate { p { (found.quality.why) "." } } @else { .notice.bad { p { (found.quality.why) "." } } }
         (tiles(found))
         h2 { "The loop" }
-        (loops(found))
+        p.soft.hint { (crate::report::page::HINT) }
+        .columns { (loops(found)) (closer(found)) }
         h2 { "What the model leaves" }
         (over_current(found))
         @for trace in found.traces.iter().take(RUNS) {
@@ -90,24 +91,47 @@ fn loops(found: &Identified) -> Markup {
     figure.caption("The curves are drawn over the range in which the recording shows them.").render()
 }
 
+/// The loop magnified: measured and model less the average of both curves.
+fn closer(found: &Identified) -> Markup {
+    let curves = &found.valve.curves;
+    let off = |current: &[f64], bar: &[f64]| current.iter().zip(bar).map(|(i, p)| p - curves.average_at(*i)).collect::<Vec<f64>>();
+    let mut figure = Figure::new("The same, less the average curve", "current [A]", "pressure - average [bar]").height(420);
+    for (n, trace) in found.traces.iter().enumerate() {
+        let name = if n == 0 { "measured" } else { "" };
+        let y = off(&trace.delayed_current_a, &trace.measured_bar);
+        figure = figure.series(name, Color::Measured, stroke(found), trace.delayed_current_a.clone(), y);
+    }
+    let c = &found.curves;
+    figure = figure.dashed("ascending curve", Color::Ascending, c.current_a.clone(), off(&c.current_a, &c.ascending_bar));
+    if found.valve.hysteresis != crate::valve::Hysteresis::None {
+        figure = figure.dashed("descending curve", Color::Descending, c.current_a.clone(), off(&c.current_a, &c.descending_bar));
+    }
+    figure.caption("What lies between the curves is the hysteresis; a lag widens a fast loop beyond them.").render()
+}
+
 fn over_current(found: &Identified) -> Markup {
-    let mut figure = Figure::new("Residual over current", "current [A]", "simulated - measured [bar]");
+    let mut figure = Figure::new("Residual over current", "current [A]", "measured - simulated [bar]");
     for (n, trace) in found.traces.iter().enumerate() {
         let name = if n == 0 { "residual" } else { "" };
-        figure = figure.series(name, Color::Error, stroke(found), trace.delayed_current_a.clone(), trace.residual_bar.clone());
+        figure = figure.series(name, Color::Error, stroke(found), trace.delayed_current_a.clone(), error(trace));
     }
     figure.caption("A pattern here is a shape that the curves do not have; noise alone is a band of even height.").render()
+}
+
+/// Measured less simulated, as on every page.
+fn error(trace: &crate::identify::Trace) -> Vec<f64> {
+    trace.measured_bar.iter().zip(&trace.simulated_bar).map(|(y, p)| y - p).collect()
 }
 
 fn over_time(trace: &crate::identify::Trace) -> Markup {
     let of = trace.run.as_ref().map_or(String::new(), |run| format!(" of {run}"));
     html! {
         (Figure::new(format!("Pressure over time{of}"), "time [s]", "pressure [bar]")
-            .series("measured", Color::Measured, Stroke::Thin, trace.time_s.clone(), trace.measured_bar.clone())
-            .series("model", Color::Feedback, Stroke::Thin, trace.time_s.clone(), trace.simulated_bar.clone())
+            .series("model", Color::Feedback, Stroke::Line, trace.time_s.clone(), trace.simulated_bar.clone())
+            .series("measured", Color::Reference, Stroke::Thin, trace.time_s.clone(), trace.measured_bar.clone())
             .render())
-        (Figure::new(format!("Residual over time{of}"), "time [s]", "simulated - measured [bar]")
-            .series("residual", Color::Error, Stroke::Thin, trace.time_s.clone(), trace.residual_bar.clone())
+        (Figure::new(format!("Residual over time{of}"), "time [s]", "measured - simulated [bar]")
+            .series("residual", Color::Error, Stroke::Thin, trace.time_s.clone(), error(trace))
             .height(160)
             .render())
     }

@@ -167,6 +167,10 @@ fn figures(p: &Parameter) -> (String, String) {
     if !p.std_error.is_finite() || p.std_error <= 0.0 {
         return (format!("{:.6}", p.value), "unknown".into());
     }
-    let decimals = (1 - p.std_error.log10().floor() as i32).clamp(0, 12) as usize;
-    (format!("{:.decimals$}", p.value), format!("{:.decimals$}", p.std_error))
+    // Two digits of the error, and the value to the same place: what lies below is not known.
+    let place = p.std_error.log10().floor() as i32 - 1;
+    let decimals = (-place).clamp(0, 12) as usize;
+    let round = |v: f64| if place > 0 { (v / 10f64.powi(place)).round() * 10f64.powi(place) } else { v };
+    let value = if p.std_error < p.value.abs() { format!("{:.decimals$}", round(p.value)) } else { "not determined".into() };
+    (value, format!("{:.decimals$}", round(p.std_error)))
 }

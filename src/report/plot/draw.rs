@@ -13,12 +13,12 @@ pub(super) fn figure(figure: &Figure) -> Markup {
     let view = format!("0 0 {WIDTH} {HEIGHT}");
     html! {
         figure.plot data-x-label=(figure.x_label) data-x-from=(x.from) data-x-to=(x.to) data-x-log=(x.scale == super::Scale::Log)
-            data-y-from=(y.from) data-y-to=(y.to) data-y-log=(y.scale == super::Scale::Log) {
+            data-y-label=(figure.y_label) data-y-from=(y.from) data-y-to=(y.to) data-y-log=(y.scale == super::Scale::Log) {
             figcaption {
                 span.title { (figure.title) }
                 span.legend {
                     @for series in figure.series.iter().filter(|s| !s.name.is_empty()) {
-                        span.key.(series.color.class()).(stroke_class(series.stroke)) { (series.name) }
+                        button.key.(series.color.class()).(stroke_class(series.stroke)) type="button" aria-pressed="true" data-name=(series.name) { (series.name) }
                     }
                 }
             }
@@ -35,7 +35,7 @@ pub(super) fn figure(figure: &Figure) -> Markup {
                         path.grid d=(grid(&x, &y, figure.height_px)) {}
                         (zero_line(&y))
                         @for series in &figure.series {
-                            path.(stroke_class(series.stroke)).(series.color.class()) data-name=(series.name) d=(path(series, &x, &y)) {}
+                            path.(stroke_class(series.stroke)).(series.color.class()) data-series data-name=(series.name) d=(path(series, &x, &y)) {}
                         }
                         @for marker in &figure.markers { (marker_path(marker, &x, &y)) }
                     }
@@ -198,7 +198,7 @@ fn labels(figure: &Figure, x: &Axis, y: &Axis) -> Markup {
             @let left = marker.x.map_or(1.0, |v| x.place(v));
             @let top = marker.y.map_or(0.0, |v| 1.0 - y.place(v));
             @if (0.0..=1.0).contains(&left) && (0.0..=1.0).contains(&top) {
-                span.marker-label.(marker.color.class()).flip[left > 0.72].low[top < 0.08] style={ "left:" (percent(left)) ";top:" (percent(top)) } { (marker.label) }
+                span.marker-label.(marker.color.class()).flip[left > 0.72].low[top < 0.08] data-x=[marker.x] data-y=[marker.y] style={ "left:" (percent(left)) ";top:" (percent(top)) } { (marker.label) }
             }
         }
     }
@@ -229,7 +229,7 @@ mod tests {
             stroke: Stroke::Line,
         };
         let axis = |to: f64| Axis { from: 0.0, to, scale: super::super::Scale::Linear };
-        assert_eq!(path(&series, &axis(4.0), &axis(2.0)), "M0 10000M10000 5000l5000 0");
+        assert_eq!(path(&series, &axis(4.0), &axis(2.0)), "M0 100000M10000 50000l5000 0");
     }
 
     #[test]
@@ -242,6 +242,6 @@ mod tests {
     fn bars_stand_on_zero() {
         let series = Series { name: String::new(), x: vec![1.0, 2.0], y: vec![1.0, 2.0], color: Color::Neutral, stroke: Stroke::Bars };
         let axis = |to: f64| Axis { from: 0.0, to, scale: super::super::Scale::Linear };
-        assert_eq!(path(&series, &axis(4.0), &axis(2.0)), "M2700 10000V5000H7300V10000zM7700 10000V0H12300V10000z");
+        assert_eq!(path(&series, &axis(4.0), &axis(2.0)), "M2700 100000V50000H7300V100000zM7700 100000V0H12300V100000z");
     }
 }

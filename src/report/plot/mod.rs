@@ -48,7 +48,7 @@ pub enum Color {
 impl Color {
     /// A colour for the `n`-th of several equal series.
     pub fn nth(n: usize) -> Self {
-        const ORDER: [Color; 6] = [Color::Measured, Color::Feedback, Color::FeedForward, Color::Error, Color::Descending, Color::Neutral];
+        const ORDER: [Color; 6] = [Color::Measured, Color::Feedback, Color::Ascending, Color::Good, Color::Error, Color::Neutral];
         ORDER[n % ORDER.len()]
     }
 

@@ -4,8 +4,8 @@ use std::collections::HashSet;
 
 /// Width of the plot area in whole coordinates.
 pub(super) const WIDTH: i32 = 20_000;
-/// Height of the plot area in whole coordinates.
-pub(super) const HEIGHT: i32 = 10_000;
+/// Height of the plot area in whole coordinates: a stretch of a thousandth of the height can be looked at alone.
+pub(super) const HEIGHT: i32 = 100_000;
 /// Pixel columns that are told apart; more than a screen has, so that a reader can zoom in.
 const COLUMNS: i32 = 2_400;
 
@@ -72,11 +72,13 @@ fn by_column(points: &[Point]) -> Vec<Point> {
 
 fn by_distance(points: &[Point]) -> Vec<Point> {
     const NEAR: i32 = WIDTH / COLUMNS;
+    // The coordinates are finer upwards than the screen is.
+    const NEAR_Y: i32 = HEIGHT / (COLUMNS / 2);
     let mut kept: Vec<Point> = Vec::new();
     let mut skipped: Option<(i32, i32)> = None;
     for point in points {
         match (point, kept.last().copied().flatten()) {
-            (Some(new), Some(last)) if (new.0 - last.0).abs() < NEAR && (new.1 - last.1).abs() < NEAR => skipped = Some(*new),
+            (Some(new), Some(last)) if (new.0 - last.0).abs() < NEAR && (new.1 - last.1).abs() < NEAR_Y => skipped = Some(*new),
             (Some(_), _) => {
                 kept.push(*point);
                 skipped = None;
@@ -97,7 +99,8 @@ fn by_distance(points: &[Point]) -> Vec<Point> {
 fn not_twice(points: &[Point]) -> Vec<Point> {
     // Half a pixel of a figure that takes half the page.
     const SPOT: i32 = 2 * WIDTH / COLUMNS;
-    let spot = |p: (i32, i32)| (p.0 / SPOT, p.1 / SPOT);
+    const SPOT_Y: i32 = 2 * HEIGHT / (COLUMNS / 2);
+    let spot = |p: (i32, i32)| (p.0 / SPOT, p.1 / SPOT_Y);
     let (mut spots, mut strokes) = (HashSet::new(), HashSet::new());
     let (mut kept, mut pen, mut before): (Vec<Point>, Point, Point) = (Vec::new(), None, None);
     for point in points {
@@ -133,7 +136,7 @@ mod tests {
 
     #[test]
     fn a_single_spike_survives() {
-        let points: Vec<Point> = (0..80_000).map(|n| Some((n / 4, if n == 41_234 { 9_000 } else { 100 + n % 3 }))).collect();
+        let points: Vec<Point> = (0..80_000).map(|n| Some((n / 4, if n == 41_234 { 90_000 } else { 1_000 + n % 3 }))).collect();
         let thinned = thin(&points);
         assert!(thinned.len() <= 4 * COLUMNS as usize, "{}", thinned.len());
         assert!(thinned.contains(&points[41_234]));
@@ -142,14 +145,14 @@ mod tests {
 
     #[test]
     fn a_gap_stays_a_gap() {
-        let points: Vec<Point> = (0..10_000).map(|n| if (4_000..5_000).contains(&n) { None } else { Some((2 * n, n % 7)) }).collect();
+        let points: Vec<Point> = (0..10_000).map(|n| if (4_000..5_000).contains(&n) { None } else { Some((2 * n, n % 70)) }).collect();
         assert_eq!(thin(&points).iter().filter(|p| p.is_none()).count(), 1);
     }
 
     #[test]
     fn a_loop_that_is_run_through_again_and_again_is_drawn_once() {
         let turn = |n: i32| f64::from(n % 3600).to_radians() / 10.0;
-        let ring = |n: i32| Some((10_000 + (9_000.0 * turn(n).cos()) as i32, 5_000 + (4_000.0 * turn(n).sin()) as i32));
+        let ring = |n: i32| Some((10_000 + (9_000.0 * turn(n).cos()) as i32, 50_000 + (40_000.0 * turn(n).sin()) as i32));
         let (once, often) = (thin(&(0..3_600).map(ring).collect::<Vec<_>>()), thin(&(0..360_000).map(ring).collect::<Vec<_>>()));
         assert!(often.len() * 4 <= once.len() * 5, "{} {}", often.len(), once.len());
         // A jump between two places is drawn, and once.
@@ -160,7 +163,7 @@ mod tests {
     #[test]
     fn a_loop_keeps_its_shape() {
         let circle = |n: i32| {
-            (10_000 + (9_000.0 * f64::from(n).to_radians().cos()) as i32, 5_000 + (4_000.0 * f64::from(n).to_radians().sin()) as i32)
+            (10_000 + (9_000.0 * f64::from(n).to_radians().cos()) as i32, 50_000 + (40_000.0 * f64::from(n).to_radians().sin()) as i32)
         };
         let points: Vec<Point> = (0..36_000).map(|n| Some(circle(n / 100))).collect();
         let thinned = thin(&points);
