@@ -8,6 +8,7 @@ use super::{CliError, CliResult, exit};
 use crate::batch::comparison::compare;
 use crate::batch::store::{load, read_header};
 use crate::batch::summary::{BatchSummary, summarise};
+use crate::batch::tally::{Attempt, Tally};
 use crate::report::batch::{comparison_markdown, comparison_text};
 
 /// Whether the folder is that of a batch.
@@ -30,10 +31,16 @@ pub fn run(before: &Path, after: &Path, format: DiffFormat) -> CliResult {
 }
 
 fn summary(dir: &Path) -> Result<BatchSummary, CliError> {
+    Ok(loaded(dir)?.0)
+}
+
+/// A batch as its journal tells it, with the valves' own reports linked.
+pub fn loaded(dir: &Path) -> Result<(BatchSummary, Tally), CliError> {
     let header = read_header(dir).map_err(failed)?;
     let loaded = load(dir).map_err(failed)?;
     if loaded.tally.attempts().is_empty() {
         return Err(CliError::input(format!("{}: holds no finished attempt", dir.display())));
     }
-    Ok(summarise(&header, &loaded.tally, loaded.damage, |_| None, |_| None))
+    let link = |a: &Attempt| super::batch_folder::report_link(dir, a);
+    Ok((summarise(&header, &loaded.tally, loaded.damage, |_| None, link), loaded.tally))
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::batch_diff::is_batch;
 use super::{CliError, CliResult, batch_diff, exit};
 use crate::record::{TestRecord, records};
 use crate::report::diff::{RecordDiff, Tolerances, compare, different, json, markdown, text};
@@ -38,13 +39,36 @@ pub enum DiffFormat {
 
 /// Prints the differences; the exit code says whether there are any.
 pub fn run(args: &DiffArgs) -> CliResult {
-    if batch_diff::is_batch(&args.before) && batch_diff::is_batch(&args.after) {
+    if is_batch(&args.before) && is_batch(&args.after) {
         return batch_diff::run(&args.before, &args.after, args.format);
+    }
+    if is_batch(&args.before) != is_batch(&args.after) {
+        let (batch, other) = if is_batch(&args.before) { (&args.before, &args.after) } else { (&args.after, &args.before) };
+        return Err(CliError::usage(format!(
+            "{} is a batch and {} is not: a batch is compared with a batch, a record with a record, a folder of records with a folder of records. \
+             A valve of the batch that has a folder of its own is a record: {}/valves/SERIAL/attempt-1",
+            batch.display(),
+            other.display(),
+            batch.display()
+        )));
     }
     let before = records(&args.before).map_err(CliError::input)?;
     let after = records(&args.after).map_err(CliError::input)?;
     let tolerances = tolerances(&args.tolerance, before.iter().chain(&after).map(|r| &r.1))?;
     let diffs = all(before, after, &tolerances);
+    if let [one] = diffs.as_slice()
+        && one.before.is_some()
+        && one.after.is_some()
+        && one.nothing_in_common()
+    {
+        return Err(CliError::usage(format!(
+            "{} and {} have no figure in common: they are records of different plans ({}). \
+             `hil compare` draws any two over each other",
+            args.before.display(),
+            args.after.display(),
+            one.notes.first().map_or("of the same name", |n| n.as_str())
+        )));
+    }
     super::print(&match args.format {
         DiffFormat::Text => text(&diffs),
         DiffFormat::Markdown => markdown(&diffs),

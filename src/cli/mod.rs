@@ -15,17 +15,23 @@ mod challenge_fleet;
 mod challenge_set;
 mod check;
 mod collect;
+mod compare;
 mod completions;
 mod diagnose;
 mod diff;
 mod emulate;
 mod explain;
 mod export;
+mod files;
 mod history;
 mod identify;
 mod input;
 mod jobs;
 mod last_word;
+mod init;
+mod inspect;
+mod man;
+mod manners;
 mod margins;
 mod master;
 mod msa;
@@ -34,6 +40,8 @@ mod outputs;
 mod paper;
 mod probe;
 mod progress;
+mod reading;
+mod report;
 mod run;
 #[cfg(all(unix, feature = "fmi"))]
 mod run_fmu;
@@ -105,6 +113,15 @@ pub type CliResult = Result<u8, CliError>;
 #[derive(Debug, Parser)]
 #[command(name = "hil", version, max_term_width = 100)]
 struct Cli {
+    /// Colours on the terminal
+    #[arg(long, global = true, value_name = "WHEN", default_value = "auto", help_heading = "Output")]
+    color: clap::ColorChoice,
+    /// Say nothing beside the result: no progress, no hints; warnings and errors are said
+    #[arg(short, long, global = true, help_heading = "Output")]
+    quiet: bool,
+    /// Say more: which files were taken, and how long it took
+    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = "Output")]
+    verbose: bool,
     #[command(subcommand)]
     command: Command,
     /// Let plans read files outside of their projects (the nearest folder up with `hil.toml` or `.git`, else the plan's own).
@@ -119,9 +136,14 @@ enum Command {
         after_help = "Examples:\n  hil challenge\n  hil challenge --seed 7 --count 20\n  hil challenge --seed 7 --count 64 --format markdown > table.md\n  hil challenge --seed 7 --out kept/\n\nThe digest of the sealed truth is printed before anything is diagnosed."
     )]
     Challenge(challenge::ChallengeArgs),
+    /// Lay a project to go on from: plan, valve, driver, limits, files for CI.
+    #[command(
+        after_help = "Examples:\n  hil init\n  hil init acceptance --example ci\n  hil init workshop --example diagnosis\n\nNothing is replaced. Without a project, too: hil run tipin --sim"
+    )]
+    Init(init::InitArgs),
     /// Run a test plan and report its verdict.
     #[command(
-        after_help = "Examples:\n  hil run plans/tipin.toml --sim\n  hil run plans/tipin.toml --sim --valve clutch-1 --set high=\"26 bar\" --format markdown\n  hil run plans/tipin.toml --driver emulator --port /tmp/valve --watch\n\nExit codes: 0 PASS or MARGINAL, 1 FAIL, 3 wrong input, 4 rig error, 5 aborted, 6 INVALID, 7 not stored"
+        after_help = "Examples:\n  hil run tipin --sim\n  hil run tipin --sim --valve clutch-1 --set high=\"26 bar\" --format markdown\n  hil run tipin --driver emulator --port /tmp/valve --watch\n\nExit codes: 0 PASS or MARGINAL, 1 FAIL, 3 wrong input, 4 rig error, 5 aborted, 6 INVALID, 7 not stored"
     )]
     Run(run::RunArgs),
     /// Check plans, valves, driver profiles and limits without a rig.
@@ -133,13 +155,11 @@ enum Command {
     )]
     Margins(margins::MarginsArgs),
     /// Propose gains that hold a largest sensitivity over the whole delay range.
-    #[command(
-        after_help = "Examples:\n  hil tune --model paper\n  hil tune --model paper --max-sensitivity 1.6 --plan plans/gain-comparison.toml"
-    )]
+    #[command(after_help = "Examples:\n  hil tune --model paper\n  hil tune --model paper --max-sensitivity 1.6 --plan gain-comparison")]
     Tune(tune::TuneArgs),
     /// Put a simulated valve behind an emulated driver, on a pseudo terminal or on TCP.
     #[command(
-        after_help = "Examples:\n  hil emulate --valve paper --driver emulator --pty /tmp/valve\n  hil emulate --valve paper --driver emulator-tcp --tcp 127.0.0.1:1502 --fault late.toml\n\nThen, in another terminal:\n  hil run plans/tipin.toml --driver emulator --port /tmp/valve"
+        after_help = "Examples:\n  hil emulate --valve paper --driver emulator --pty /tmp/valve\n  hil emulate --valve paper --driver emulator-tcp --tcp 127.0.0.1:1502 --fault late.toml\n\nThen, in another terminal:\n  hil run tipin --driver emulator --port /tmp/valve"
     )]
     Emulate(emulate::EmulateArgs),
     /// Look at a driver: identity, readings, round-trip times, the highest loop rate.
@@ -147,6 +167,11 @@ enum Command {
         after_help = "Examples:\n  hil probe --driver emulator --port /tmp/valve\n  hil probe --driver beckhoff-kl2535 --tcp 192.168.0.10:502"
     )]
     Probe(probe::ProbeArgs),
+    /// Look at a log: its channels, runs and gaps, and the mapping to read it with.
+    #[command(
+        after_help = "Examples:\n  hil inspect log.csv\n  hil inspect log.mf4 -o log.map.toml\n\nThen: hil identify log.mf4 --mapping log.map.toml -o valve.toml"
+    )]
+    Inspect(inspect::InspectArgs),
     /// Identify a valve model from a recording.
     #[command(
         after_help = "Examples:\n  hil identify sweep.csv -o valve.toml\n  hil identify log.csv --map current_a=\"I_cmd [mA]\" -o valve.toml"
@@ -166,14 +191,24 @@ enum Command {
         after_help = "Examples:\n  hil diagnose --jobs fleet/jobs.csv --out answers\n  hil collect answers -o fleet.parquet --report fleet.html\n  hil collect answers -o fleet.parquet --fail-on new-finding"
     )]
     Collect(collect::CollectArgs),
+    /// Show an old record again, in any format.
+    #[command(
+        after_help = "Examples:\n  hil report reports/runs/tipin-paper-1\n  hil report reports/tipin/record.json --format html -o tipin.html\n  hil report reports/runs/batch-tipin-1 --format markdown"
+    )]
+    Report(report::ReportArgs),
     /// Compare two records, or two folders of records: verdicts first, then figures beyond tolerance.
     #[command(
         after_help = "Examples:\n  hil diff reports/tipin reports/runs/tipin\n  hil diff reports reports/runs --format markdown > diff.md\n  hil diff A B --tolerance rmse=\"5 mbar\"\n\nExit code 1 when anything differs beyond tolerance."
     )]
     Diff(diff::DiffArgs),
+    /// Draw records, recordings and models over each other, on one page.
+    #[command(
+        after_help = "Examples:\n  hil compare drive.csv valve.toml augmented.toml\n  hil compare reports/runs/a reports/runs/b -o ab.html\n  hil compare paper clutch-1 clutch-2\n\nThe others are compared with the first; models see the first current."
+    )]
+    Compare(compare::CompareArgs),
     /// Run a plan on a batch of valves: every attempt kept, statistics and a page at the end.
     #[command(
-        after_help = "Examples:\n  hil batch plans/tipin.toml --count 100 --sim\n  hil batch plans/tipin.toml --count 10000 --sim --population plans/population.toml --out reports/runs/big\n  hil batch plans/tipin.toml --duts lot.csv --sim --station station.toml --limits part.toml\n  hil batch plans/tipin.toml --count 10000 --sim --out reports/runs/big --resume"
+        after_help = "Examples:\n  hil batch tipin --count 100 --sim\n  hil batch tipin --count 10000 --sim --population population --out reports/runs/big\n  hil batch tipin --duts lot.csv --sim --station station.toml --limits part.toml\n  hil batch tipin --count 10000 --sim --out reports/runs/big --resume"
     )]
     Batch(Box<batch::BatchArgs>),
     /// Ask the records of many batches: by serial number, lot, metric, time.
@@ -183,13 +218,11 @@ enum Command {
     History(history::HistoryArgs),
     /// Gauge R&R: how much of the spread is the measuring system's own.
     #[command(
-        after_help = "Examples:\n  hil msa readings.csv --tolerance \"0.6 bar\"\n  hil msa plans/tipin.toml --sim --metric tip-in/steady_offset\n  hil msa plans/tipin.toml --driver drivers/emulator.toml --tcp localhost:1502 --metric tip-in/rmse --tolerance \"0.5 bar\"\n\nExit code 1 where the verdict is `unacceptable`."
+        after_help = "Examples:\n  hil msa readings.csv --tolerance \"0.6 bar\"\n  hil msa tipin --sim --metric tip-in/steady_offset\n  hil msa tipin --driver emulator --tcp localhost:1502 --metric tip-in/rmse --tolerance \"0.5 bar\"\n\nExit code 1 where the verdict is `unacceptable`."
     )]
     Msa(Box<msa::MsaArgs>),
     /// Check a master valve, whose verdict is known, and so open the gate of production.
-    #[command(
-        after_help = "Example:\n  hil master plans/tipin.toml --station station.toml --serial MASTER-1 --driver drivers/emulator.toml --tcp localhost:1502"
-    )]
+    #[command(after_help = "Example:\n  hil master tipin --station station.toml --serial MASTER-1 --driver emulator --tcp localhost:1502")]
     Master(Box<master::MasterArgs>),
     /// Make a record the accepted one of its plan, under reports/.
     #[command(after_help = "Example:\n  hil accept reports/runs/tipin")]
@@ -212,6 +245,9 @@ enum Command {
     /// Print the JSON Schema of a kind of file, for editors.
     #[command(after_help = "Example:\n  hil schema valve > valve.schema.json")]
     Schema(schema::SchemaArgs),
+    /// Write the man pages, and without a folder also the completions, where this user's shell looks for them.
+    #[command(after_help = "Examples:\n  hil man\n  hil man target/man")]
+    Man(man::ManArgs),
     /// Print a completion script for a shell.
     #[command(after_help = "Example:\n  hil completions bash > ~/.local/share/bash-completion/completions/hil")]
     Completions(completions::CompletionsArgs),
@@ -239,19 +275,25 @@ pub fn main() -> u8 {
     if cli.allow_outside {
         crate::plan::allow_anywhere();
     }
+    manners::set(&cli);
+    let started = std::time::Instant::now();
     let result: CliResult = match cli.command {
         Command::Challenge(args) => challenge::run(&args),
+        Command::Init(args) => init::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::run(&args),
         Command::Margins(args) => margins::run(&args),
         Command::Tune(args) => tune::run(&args),
         Command::Emulate(args) => emulate::run(&args),
         Command::Probe(args) => probe::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Collect(args) => collect::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Batch(args) => batch::run(&args),
         Command::History(args) => history::run(&args),
         Command::Msa(args) => msa::run(&args),
@@ -263,8 +305,10 @@ pub fn main() -> u8 {
         Command::RunFmu => run_fmu::run(),
         Command::Explain(args) => explain::run(&args),
         Command::Schema(args) => schema::run(&args),
+        Command::Man(args) => man::run(&args),
         Command::Completions(args) => completions::run(&args),
     };
+    manners::detail(|| format!("took {:.2} s", started.elapsed().as_secs_f64()));
     result.unwrap_or_else(|error| {
         let _ = writeln!(anstream::stderr(), "error: {error}");
         error.code
@@ -284,6 +328,8 @@ pub fn print(text: &str) -> Result<(), CliError> {
 pub fn note(text: &str) {
     let _ = writeln!(anstream::stderr(), "{text}");
 }
+
+pub use manners::say;
 
 /// One JSON document with a newline at its end.
 pub fn to_json(value: &impl serde::Serialize) -> Result<String, CliError> {

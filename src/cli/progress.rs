@@ -34,7 +34,7 @@ impl Observer for Bar {
             return;
         }
         self.shown = Instant::now();
-        if self.bar.is_none() && self.started.elapsed() > Duration::from_millis(500) {
+        if self.bar.is_none() && super::manners::chatty() && self.started.elapsed() > Duration::from_millis(500) {
             let bar = ProgressBar::new(progress.samples as u64);
             if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} % {msg} {eta} left") {
                 bar.set_style(style);
@@ -44,6 +44,67 @@ impl Observer for Bar {
         if let Some(bar) = &self.bar {
             bar.set_position(progress.sample as u64);
             bar.set_message(format!("{}: {:.2} bar at {:.3} A", progress.phase, progress.measured.pressure_bar, progress.current_a));
+        }
+    }
+}
+
+/// A line with the time that has passed, for work of which nobody knows how long it takes; gone when it is dropped, and
+/// never there where stderr is no terminal or nobody wants to hear.
+pub struct Working(Option<ProgressBar>);
+
+impl Working {
+    /// Begins to show that something is at work.
+    pub fn on(what: &str) -> Self {
+        if !super::manners::chatty() {
+            return Self(None);
+        }
+        let bar = ProgressBar::new_spinner();
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed}") {
+            bar.set_style(style);
+        }
+        bar.set_message(what.to_string());
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self(Some(bar))
+    }
+}
+
+impl Drop for Working {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// A bar with the time left, for work that is counted.
+pub struct Counted(Option<ProgressBar>);
+
+impl Counted {
+    /// A bar over `total` pieces of work.
+    pub fn new(what: &str, total: usize) -> Self {
+        if !super::manners::chatty() {
+            return Self(None);
+        }
+        let bar = ProgressBar::new(total as u64);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {pos} of {len}, {eta} left") {
+            bar.set_style(style);
+        }
+        bar.set_message(what.to_string());
+        Self(Some(bar))
+    }
+
+    /// One piece more is done.
+    pub fn step(&self) {
+        if let Some(bar) = &self.0 {
+            bar.inc(1);
+        }
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
         }
     }
 }

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use super::CliError;
 use crate::output::{folder_name, make_folder};
 use crate::record::{TestRecord, Trace};
-use crate::recording::{Column, RecordingError, Values, replace_file, write_parquet};
+use crate::recording::{Cells, Column, RecordingError, Values, read_parquet, replace_file, write_parquet};
 use crate::report;
+use crate::rig::Quality;
 
 /// The folder of a run that named none: the first `reports/runs/<plan>-<serial>-<n>` that does not exist.
 pub fn new_folder(plan: &str, serial: &str) -> Result<PathBuf, CliError> {
@@ -62,4 +63,53 @@ fn write_trace(path: &Path, record: &TestRecord, trace: &Trace) -> Result<(), Re
         numbers("round_trip_s", &trace.round_trip_s),
     ];
     write_parquet(path, &[table])
+}
+
+/// The trace beside a record; `None` where there is none.
+pub fn read_trace(folder: &Path, record: &TestRecord) -> Result<Option<Trace>, CliError> {
+    let path = folder.join("trace.parquet");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let mut columns = read_parquet(&path).map_err(CliError::input)?;
+    let mut take = |name: &str| columns.iter().position(|c| c.0 == name).map(|at| columns.swap_remove(at).1);
+    let texts = |cells: Option<Cells>| match cells {
+        Some(Cells::Texts(texts)) => texts,
+        _ => Vec::new(),
+    };
+    let (phases, quality) = (texts(take("phase")), texts(take("quality")));
+    let mut numbers = |name: &str| match take(name) {
+        Some(Cells::Numbers(values)) => values,
+        _ => Vec::new(),
+    };
+    let mut trace = Trace {
+        time_s: numbers("time_s"),
+        target_bar: numbers("target_bar"),
+        current_a: numbers("current_a"),
+        feed_forward_a: numbers("feed_forward_a"),
+        feedback_a: numbers("feedback_a"),
+        pressure_bar: numbers("pressure_bar"),
+        current_meas_a: numbers("current_meas_a"),
+        lateness_s: numbers("lateness_s"),
+        round_trip_s: numbers("round_trip_s"),
+        ..Trace::default()
+    };
+    let number = |name: &String| record.phases.iter().position(|p| p.name == *name).unwrap_or_default();
+    trace.phase = phases.iter().map(|name| u16::try_from(number(name)).unwrap_or_default()).collect();
+    trace.quality = quality.iter().map(|name| Quality::by_name(name).unwrap_or(Quality::Good)).collect();
+    // A column that an older version did not write is one of gaps.
+    let samples = trace.time_s.len();
+    for values in [
+        &mut trace.target_bar,
+        &mut trace.current_a,
+        &mut trace.feed_forward_a,
+        &mut trace.feedback_a,
+        &mut trace.pressure_bar,
+        &mut trace.current_meas_a,
+        &mut trace.lateness_s,
+        &mut trace.round_trip_s,
+    ] {
+        values.resize(samples, f64::NAN);
+    }
+    Ok((samples > 0).then_some(trace))
 }

@@ -18,6 +18,12 @@ pub fn outcome(outcome: Outcome) -> &'static str {
     }
 }
 
+/// The verdict of a run in the word that fits: one that ran and has no limit is done, and judged by nothing.
+pub fn run_verdict(record: &TestRecord) -> &'static str {
+    let ran = record.phases.iter().any(|p| p.span_s.is_some());
+    if record.outcome == Outcome::NotRun && ran { "DONE" } else { outcome(record.outcome) }
+}
+
 /// Verdict of a measurement; one without a limit was measured, but judged by nothing.
 pub fn verdict(measurement: &Measurement) -> &'static str {
     match measurement.limit {

@@ -2,6 +2,7 @@
 
 pub mod batch;
 pub mod challenge;
+pub mod compare;
 pub mod diagnosis;
 pub mod diff;
 pub mod fleet;

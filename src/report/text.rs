@@ -42,7 +42,7 @@ pub fn text(record: &TestRecord) -> String {
 }
 
 fn heading(out: &mut String, record: &TestRecord) {
-    let verdict = format::outcome(record.outcome);
+    let verdict = format::run_verdict(record);
     let title = format!("{} on {}", record.plan.name, record.dut.serial);
     let width = COLUMNS.saturating_sub(verdict.len() + 1);
     let title: String = title.chars().take(width).collect();

@@ -33,6 +33,11 @@ pub enum Quality {
 }
 
 impl Quality {
+    /// The quality of a name in a trace.
+    pub fn by_name(name: &str) -> Option<Self> {
+        [Self::Good, Self::Held, Self::Stale, Self::Exception, Self::Implausible].into_iter().find(|q| q.name() == name)
+    }
+
     /// As traces name it.
     pub fn name(self) -> &'static str {
         match self {

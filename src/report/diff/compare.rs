@@ -14,6 +14,8 @@ pub fn compare(name: &str, before: Option<&TestRecord>, after: Option<&TestRecor
         before: before.map(|r| r.outcome),
         after: after.map(|r| r.outcome),
         changes: Vec::new(),
+        first: None,
+        phases_in_common: 0,
         compared: 0,
         notes: Vec::new(),
     };
@@ -24,11 +26,15 @@ pub fn compare(name: &str, before: Option<&TestRecord>, after: Option<&TestRecor
         diff.changes.push(change("run", "kind of run", true, name(before), name(after)));
     }
     for (a, b) in paired(&before.phases, &after.phases, |p| p.name.clone()) {
+        diff.phases_in_common += usize::from(a.is_some() && b.is_some());
         phases(&mut diff, a, b, tolerances);
     }
     stability(&mut diff, before, after, tolerances);
+    // Before the verdicts go to the front: the first figure in the order of the plan.
+    let first = diff.changes.iter().find(|c| c.delta.is_some() && c.phase != "stability").cloned();
     // A stable sort: the order of the plan stays within each kind.
     diff.changes.sort_by_key(|c| !c.verdict);
+    diff.first = first.and_then(|f| diff.changes.iter().position(|c| *c == f));
     diff
 }
 

@@ -51,6 +51,11 @@ pub struct RecordDiff {
     pub after: Option<crate::record::Outcome>,
     /// What is beyond tolerance: verdicts first, then in the order of the plan.
     pub changes: Vec<Change>,
+    /// Index in `changes` of the figure that moved first in the order in which the plan ran.
+    pub first: Option<usize>,
+    /// Phases that both have.
+    #[serde(skip)]
+    pub phases_in_common: usize,
     /// Figures that were compared.
     pub compared: usize,
     /// Inputs that differ (plan, parameters, seed): the reason, not the difference.
@@ -61,6 +66,13 @@ impl RecordDiff {
     /// Whether anything is beyond tolerance.
     pub fn different(&self) -> bool {
         self.before != self.after || !self.changes.is_empty()
+    }
+}
+
+impl RecordDiff {
+    /// Whether no phase of one has its like in the other: every change is something that only one of them has.
+    pub fn nothing_in_common(&self) -> bool {
+        self.phases_in_common == 0
     }
 }
 

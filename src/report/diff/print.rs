@@ -22,11 +22,54 @@ fn ordered(diffs: &[RecordDiff]) -> Vec<&RecordDiff> {
 }
 
 fn summary(diffs: &[RecordDiff]) -> String {
-    let changed = diffs.iter().filter(|d| d.before != d.after).count();
-    let differ = diffs.iter().filter(|d| d.different()).count();
-    let compared: usize = diffs.iter().map(|d| d.compared).sum();
-    let (records, differ_word) = (if diffs.len() == 1 { "record" } else { "records" }, if differ == 1 { "differs" } else { "differ" });
-    format!("{} {records}, {compared} figures: {differ} {differ_word} beyond tolerance, {changed} with another verdict", diffs.len())
+    let count = |n: usize, one: &str, many: &str| format!("{n} {}", if n == 1 { one } else { many });
+    let counts = Counts::of(diffs);
+    let mut text = format!(
+        "{}, {} compared: {} beyond tolerance in {}, {} with another verdict",
+        count(diffs.len(), "record", "records"),
+        count(counts.compared, "figure", "figures"),
+        count(counts.figures, "figure differs", "figures differ"),
+        count(counts.records, "record", "records"),
+        count(counts.verdicts, "record", "records"),
+    );
+    if counts.figures == 0 && counts.records == 0 {
+        text = format!(
+            "{}, {} compared: nothing differs beyond tolerance",
+            count(diffs.len(), "record", "records"),
+            count(counts.compared, "figure", "figures")
+        );
+    }
+    text
+}
+
+/// How much differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+struct Counts {
+    /// Figures that were compared.
+    compared: usize,
+    /// Figures, limits and verdicts of phases that differ.
+    figures: usize,
+    /// Records in which anything differs.
+    records: usize,
+    /// Records whose verdict differs.
+    verdicts: usize,
+}
+
+impl Counts {
+    fn of(diffs: &[RecordDiff]) -> Self {
+        Self {
+            compared: diffs.iter().map(|d| d.compared).sum(),
+            figures: diffs.iter().map(|d| d.changes.iter().filter(|c| c.figure != "verdict").count()).sum(),
+            records: diffs.iter().filter(|d| d.different()).count(),
+            verdicts: diffs.iter().filter(|d| d.before != d.after).count(),
+        }
+    }
+}
+
+/// What moved first, in the order in which the plan ran: what comes after may follow from it.
+fn first(diff: &RecordDiff) -> Option<String> {
+    let change = diff.first.and_then(|at| diff.changes.get(at))?;
+    Some(format!("first to move: {}: {}, {} -> {}", change.phase, change.figure, change.before, change.after))
 }
 
 /// The differences for a terminal.
@@ -36,6 +79,11 @@ pub fn text(diffs: &[RecordDiff]) -> String {
         let state = if diff.different() { verdicts(diff) } else { format!("{}, no difference", verdicts(diff)) };
         for line in fold(&format!("{}: {state}", diff.name), COLUMNS) {
             let _ = writeln!(out, "{line}");
+        }
+        if diff.changes.len() > 1 {
+            for line in first(diff).iter().flat_map(|text| fold(text, COLUMNS - 2)) {
+                let _ = writeln!(out, "  {line}");
+            }
         }
         for change in &diff.changes {
             for (n, line) in fold(&format!("{}: {}", change.phase, change.figure), COLUMNS - 4).iter().enumerate() {
@@ -69,6 +117,9 @@ pub fn markdown(diffs: &[RecordDiff]) -> String {
     let mut out = format!("## {title}\n\n{}.\n", summary(diffs));
     for diff in ordered(diffs).into_iter().filter(|d| d.different()) {
         let _ = writeln!(out, "\n### {}: {}\n", md::escape(&diff.name), verdicts(diff));
+        if let Some(text) = first(diff).filter(|_| diff.changes.len() > 1) {
+            let _ = writeln!(out, "{}.\n", md::escape(&text));
+        }
         if !diff.changes.is_empty() {
             out.push_str("| phase | figure | before | after | change |\n|---|---|---:|---:|---:|\n");
         }
@@ -96,7 +147,7 @@ pub fn markdown(diffs: &[RecordDiff]) -> String {
 
 /// The differences as a JSON document (`schema = "hil.diff/1"`).
 pub fn json(diffs: &[RecordDiff]) -> String {
-    let value = serde_json::json!({ "schema": "hil.diff/1", "different": different(diffs), "records": ordered(diffs) });
+    let value = serde_json::json!({ "schema": "hil.diff/1", "different": different(diffs), "counts": Counts::of(diffs), "records": ordered(diffs) });
     format!("{value:#}\n")
 }
 
