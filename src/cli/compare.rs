@@ -14,7 +14,7 @@ use crate::physics;
 use crate::record::TestRecord;
 use crate::recording::{Format as FileFormat, Recording, Run, replace_file};
 use crate::report::compare::{Comparison, Item, Kind, Track, page, text};
-use crate::valve::Valve;
+use crate::valve::{Input, Valve};
 
 /// What to compare.
 #[derive(Debug, Args)]
@@ -152,8 +152,8 @@ fn item(name: &str, source: Source, driven: &[Run]) -> Result<Item, CliError> {
         Source::Model(valve) => {
             let mut tracks = Vec::new();
             for run in driven {
-                let simulated =
-                    physics::simulate(&valve, &run.time_s, &run.current_a).map_err(|e| CliError::input(format!("{name}: {e}")))?;
+                let simulated = physics::simulate(&valve, Input::Held, &run.time_s, &run.current_a)
+                    .map_err(|e| CliError::input(format!("{name}: {e}")))?;
                 tracks.push(track(Run { pressure_bar: Some(simulated), ..run.clone() }));
             }
             Item { name: name.into(), kind: Kind::Model, tracks, record: None }

@@ -1,5 +1,6 @@
 //! Integration tests: the library and the program from outside.
 
+mod answers;
 #[cfg(unix)]
 mod batch;
 mod blind;
@@ -9,13 +10,16 @@ mod diagnose;
 mod fake;
 mod fleet;
 mod fuzz;
+mod home;
 mod identify;
 mod last_word;
+mod logs;
 mod outputs;
 mod paper;
 mod peers;
 mod power;
 mod promises;
+mod readme;
 mod run;
 mod shipped;
 mod simulate;
