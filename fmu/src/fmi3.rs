@@ -137,7 +137,7 @@ pub extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
 
 /// Values of real variables.
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi3GetFloat64(handle: *mut c_void, references: *const u32, count: usize, values: *mut f64, _values: usize) -> c_int {
+pub extern "C" fn fmi3GetFloat64(handle: *mut c_void, references: *const u32, count: usize, values: *mut f64, _size: usize) -> c_int {
     call(handle, |instance| {
         for (reference, value) in read(references, count)?.iter().zip(write(values, count)?) {
             // Reference 0 is the time, which this version of the interface has as a variable.
@@ -149,7 +149,7 @@ pub extern "C" fn fmi3GetFloat64(handle: *mut c_void, references: *const u32, co
 
 /// Sets real variables.
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi3SetFloat64(handle: *mut c_void, references: *const u32, count: usize, values: *const f64, _values: usize) -> c_int {
+pub extern "C" fn fmi3SetFloat64(handle: *mut c_void, references: *const u32, count: usize, values: *const f64, _size: usize) -> c_int {
     call(handle, |instance| {
         read(references, count)?.iter().zip(read(values, count)?).try_for_each(|(reference, value)| instance.set_real(*reference, *value))
     })
@@ -157,7 +157,7 @@ pub extern "C" fn fmi3SetFloat64(handle: *mut c_void, references: *const u32, co
 
 /// Values of integer variables.
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi3GetInt32(handle: *mut c_void, references: *const u32, count: usize, values: *mut i32, _values: usize) -> c_int {
+pub extern "C" fn fmi3GetInt32(handle: *mut c_void, references: *const u32, count: usize, values: *mut i32, _size: usize) -> c_int {
     call(handle, |instance| {
         for (reference, value) in read(references, count)?.iter().zip(write(values, count)?) {
             *value = instance.integer(*reference)?;
@@ -168,7 +168,7 @@ pub extern "C" fn fmi3GetInt32(handle: *mut c_void, references: *const u32, coun
 
 /// Sets integer variables.
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi3SetInt32(handle: *mut c_void, references: *const u32, count: usize, values: *const i32, _values: usize) -> c_int {
+pub extern "C" fn fmi3SetInt32(handle: *mut c_void, references: *const u32, count: usize, values: *const i32, _size: usize) -> c_int {
     call(handle, |instance| {
         read(references, count)?
             .iter()

@@ -146,11 +146,12 @@ impl Instance {
     pub fn do_step(&mut self, now_s: f64, step_s: f64) -> Result<(), Refused> {
         self.expect(&[Phase::Stepping], "a step is done between the initialisation and the end")?;
         let own_s = self.start_s + self.steps as f64 * self.step_s;
-        if !((now_s - own_s).abs() <= CLOSE * self.step_s.max(own_s.abs())) {
+        let near = (now_s - own_s).abs() <= CLOSE * self.step_s.max(own_s.abs());
+        if !near {
             return Refused::because(format!("the master stands at {now_s} s, the model at {own_s} s"));
         }
         let count = step_s / self.step_s;
-        if !(count >= 1.0 - CLOSE && count < 1e9 && (count - count.round()).abs() <= CLOSE * count) {
+        if !((1.0 - CLOSE..1e9).contains(&count) && (count - count.round()).abs() <= CLOSE * count) {
             return Refused::because(format!("a step of {step_s} s: whole multiples of {} s are allowed", self.step_s));
         }
         let Some(plant) = &mut self.plant else { return Refused::because("the model is not initialised") };
