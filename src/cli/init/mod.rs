@@ -83,8 +83,8 @@ fn next(example: Option<Example>) -> &'static [&'static str] {
         ],
         _ => &[
             "hil check",
-            "hil run acceptance --sim",
-            "hil accept reports/runs/acceptance-valve-1     # the report that changes are compared with",
+            "hil run acceptance --sim --out reports/runs/first",
+            "hil accept reports/runs/first     # the report that changes are compared with",
         ],
     }
 }

@@ -184,7 +184,7 @@ mod tests {
     fn the_last_digit_may_move_and_two_may_not() {
         assert!(!diff(|r| r.phases[1].measurements[0].value = Some(0.1244)).different());
         let moved = diff(|r| r.phases[1].measurements[0].value = Some(0.1264));
-        assert_eq!((moved.changes[0].before.as_str(), moved.changes[0].after.as_str()), ("0.123 bar", "0.126 bar"));
+        assert_eq!((moved.changes[0].before.as_str(), moved.changes[0].after.as_str()), ("0.1234 bar", "0.1264 bar"));
     }
 
     #[test]
