@@ -149,7 +149,7 @@ mod tests {
         let current: Vec<f64> = (0..60).map(|k| f64::from((k * 7919) % 13)).collect();
         for input in [Input::Held, Input::Ramp] {
             for (steps, ratio) in [(2.37, 1.0), (2.0, 0.3), (0.4, 3.0)] {
-                let arrival = Arrival::new(steps, input);
+                let arrival = Arrival::new(steps, input).with_corners();
                 let mut out = vec![0.0; current.len()];
                 arrival.apply(&current, &mut out);
                 arrival.lag(ratio, 0.0, &mut out);
