@@ -40,7 +40,29 @@ pub(super) struct Found {
 }
 
 /// Searches the minimum; the survey learns the covered range.
+///
+/// Where the model does not reach the noise with what the first fit took the command for, the other is followed to the end
+/// too: a first fit may stand in a wrong minimum, and a wrong input looks like missing physics.
 pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Options, weights: &[f64]) -> Found {
+    let mut survey_of_other = survey.clone();
+    let found = along(problem, survey, options, weights);
+    if options.input.is_some() || select::rms(&found.fit.residual_bar, weights) <= FAR * survey.noise_bar {
+        return found;
+    }
+    let input = match found.fit.shape.way.input {
+        Input::Held => Input::Ramp,
+        Input::Ramp => Input::Held,
+    };
+    let other = along(problem, &mut survey_of_other, &Options { input: Some(input), ..options.clone() }, weights);
+    if select::gain(problem, &found.fit, &other.fit, weights, survey.noise_bar) <= INPUT_GAIN {
+        return found;
+    }
+    *survey = survey_of_other;
+    other
+}
+
+/// The way to the minimum.
+fn along(problem: &Problem<'_>, survey: &mut Survey, options: &Options, weights: &[f64]) -> Found {
     let noise_bar = survey.noise_bar;
     let mut fit = first_fit(problem, survey, options, options.input, weights);
     let input = Some(fit.shape.way.input);
