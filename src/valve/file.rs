@@ -7,8 +7,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{FreeLoop, Hysteresis, Identification, MOST_PLAYS, Polynomial, ReferenceCurves, Valve, ValveError, WIDEST_PLAY};
+use crate::document;
+use crate::shipped;
 use crate::units::{Current, Pressure, PressureSquared, Time};
-use crate::{document, shipped};
 
 /// The schema key of a valve file.
 pub const SCHEMA: &str = "hil.valve/1";
