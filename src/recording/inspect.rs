@@ -68,7 +68,7 @@ pub struct ChannelSurvey {
     /// First texts of a column of texts.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<String>,
-    /// Course of the values in [`SPARK`] points; NaN where there is none.
+    /// Course of the values in `SPARK` points; NaN where there is none.
     #[serde(skip)]
     pub spark: Vec<f64>,
 }
