@@ -3,7 +3,6 @@
 //! Data frames are taken apart in Python (`hil/_frames.py`); here columns become recordings, and work is done with
 //! the interpreter's lock released, on a thread of its own, so that Ctrl-C is seen.
 
-use std::sync::mpsc;
 use std::time::Duration;
 
 use hil::recording::{ColumnValues, Mapping, Recording};
@@ -18,22 +17,17 @@ pyo3::create_exception!(hil, HilError, PyValueError, "What hil refuses: the mess
 pyo3::create_exception!(hil, RecordingError, HilError, "A recording that cannot be read or used.");
 pyo3::create_exception!(hil, ModelError, HilError, "A valve model that cannot be read or simulated.");
 
-/// How often a waiting call looks for Ctrl-C.
-const LOOK: Duration = Duration::from_millis(50);
+/// How often a waiting call looks whether the work has ended, and for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// Runs `work` on a thread with the lock released; Ctrl-C raises at once, and leaves the thread to end by itself.
 pub(crate) fn waited<T: Send + 'static>(python: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
-    let (send, receive) = mpsc::channel();
-    std::thread::spawn(move || send.send(work()));
-    loop {
-        match python.detach(|| receive.recv_timeout(LOOK)) {
-            Ok(value) => return Ok(value),
-            Err(mpsc::RecvTimeoutError::Timeout) => python.check_signals()?,
-            Err(mpsc::RecvTimeoutError::Disconnected) => {
-                return Err(HilError::new_err("this is a bug in hil: the work ended without an answer"));
-            }
-        }
+    let thread = std::thread::spawn(work);
+    while !thread.is_finished() {
+        python.detach(|| std::thread::sleep(LOOK));
+        python.check_signals()?;
     }
+    thread.join().map_err(|_| HilError::new_err("this is a bug in hil: the work ended without an answer"))
 }
 
 /// One column as Python hands it over.
