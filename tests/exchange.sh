@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The library inside an FMU and the Python package, built and tried by the tools of others: FMPy, aqdefreader, pytest, mypy.
-# Needs Rust, python3 with venv and a network for their packages; .ci/run calls it.
+# Needs Rust, python3 with venv and a network for their packages. It builds three times with optimisation, so it is run by hand, not by .ci/run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 work=target/exchange
