@@ -8,7 +8,7 @@ mkdir -p "$work"
 [ -x "$work/venv/bin/python" ] || python3 -m venv "$work/venv"
 python=$work/venv/bin/python
 "$python" -m pip install --quiet --disable-pip-version-check \
-    'fmpy==0.3.32' 'aqdefreader==1.3.0' 'chardet==5.2.0' 'numpy>=2,<3' 'pandas>=2,<3' 'polars>=1,<2' 'pyarrow>=20' 'pytest>=8,<10' 'mypy>=1.10,<3' \
+    'fmpy==0.3.32' 'aqdefreader==1.3.0' 'chardet==5.2.0' 'numpy>=2,<3' 'pandas>=2,<3' 'polars>=1,<2' 'pyarrow>=20' 'pytest>=8,<10' 'mypy>=1.10,<3' pandas-stubs \
     'nbclient>=0.10,<1' 'nbformat>=5,<6' 'ipykernel>=6'
 
 cargo build --locked --release --bin hil
