@@ -76,9 +76,10 @@ impl<'a> Findings<'_, 'a> {
             (false, false) => Verdict::Explained,
             (false, true) => Verdict::PartlyExplained,
         };
-        // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back.
+        // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back, and
+        // what the good valve's own data have calibrated is not moved by a record in which nothing has changed.
         let moved = rms(&base_residual) > fitter.criteria.recalibrates * rms(&self.residual(&refit_bar));
-        let kept = verdict == Verdict::Match && form.is_empty() && effects.is_empty() && !moved;
+        let kept = verdict == Verdict::Match && form.is_empty() && effects.is_empty() && (self.good.is_some() || !moved);
         let mut augmented = if kept { self.given.valve.clone() } else { search.chosen.model.valve_file(&search.chosen.theta) };
         let augmented_bar = if kept { base_bar.clone() } else { augmented_bar };
         augmented.effects.extend(self.scattered.iter().map(|s| specification(s.effect, &s.finding.theta)));
