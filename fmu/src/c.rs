@@ -70,6 +70,24 @@ pub fn write<'a, T>(pointer: *mut T, count: usize) -> Result<&'a mut [T], Refuse
     }
 }
 
+/// Fills the values of the variables `references`, `count` of both.
+pub fn get_each<T>(references: *const u32, count: usize, values: *mut T, get: impl Fn(u32) -> Result<T, Refused>) -> Result<(), Refused> {
+    for (reference, value) in read(references, count)?.iter().zip(write(values, count)?) {
+        *value = get(*reference)?;
+    }
+    Ok(())
+}
+
+/// Sets the variables `references`, `count` of both, up to the first that is refused.
+pub fn set_each<T: Copy>(
+    references: *const u32,
+    count: usize,
+    values: *const T,
+    mut set: impl FnMut(u32, T) -> Result<(), Refused>,
+) -> Result<(), Refused> {
+    read(references, count)?.iter().zip(read(values, count)?).try_for_each(|(reference, value)| set(*reference, *value))
+}
+
 /// A text of the master; nothing for a null pointer.
 pub fn text<'a>(pointer: *const c_char) -> Option<std::borrow::Cow<'a, str>> {
     // SAFETY: the interface demands a text that ends with a zero byte.

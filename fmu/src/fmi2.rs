@@ -5,7 +5,7 @@
 use std::ffi::{c_char, c_int, c_void};
 use std::path::PathBuf;
 
-use crate::c::{Handle, free, read, text, with, write};
+use crate::c::{Handle, free, get_each, read, set_each, text, with};
 use crate::{Instance, Refused};
 
 const OK: c_int = 0;
@@ -143,42 +143,25 @@ pub extern "C" fn fmi2Reset(handle: *mut c_void) -> c_int {
 /// Values of real variables.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2GetReal(handle: *mut c_void, references: *const u32, count: usize, values: *mut f64) -> c_int {
-    call(handle, |instance| {
-        for (reference, value) in read(references, count)?.iter().zip(write(values, count)?) {
-            *value = instance.real(*reference)?;
-        }
-        Ok(())
-    })
+    call(handle, |instance| get_each(references, count, values, |reference| instance.real(reference)))
 }
 
 /// Sets real variables.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2SetReal(handle: *mut c_void, references: *const u32, count: usize, values: *const f64) -> c_int {
-    call(handle, |instance| {
-        read(references, count)?.iter().zip(read(values, count)?).try_for_each(|(reference, value)| instance.set_real(*reference, *value))
-    })
+    call(handle, |instance| set_each(references, count, values, |reference, value| instance.set_real(reference, value)))
 }
 
 /// Values of integer variables.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2GetInteger(handle: *mut c_void, references: *const u32, count: usize, values: *mut c_int) -> c_int {
-    call(handle, |instance| {
-        for (reference, value) in read(references, count)?.iter().zip(write(values, count)?) {
-            *value = instance.integer(*reference)?;
-        }
-        Ok(())
-    })
+    call(handle, |instance| get_each(references, count, values, |reference| instance.integer(reference)))
 }
 
 /// Sets integer variables.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2SetInteger(handle: *mut c_void, references: *const u32, count: usize, values: *const c_int) -> c_int {
-    call(handle, |instance| {
-        read(references, count)?
-            .iter()
-            .zip(read(values, count)?)
-            .try_for_each(|(reference, value)| instance.set_integer(*reference, *value))
-    })
+    call(handle, |instance| set_each(references, count, values, |reference, value| instance.set_integer(reference, value)))
 }
 
 /// A step of the master.

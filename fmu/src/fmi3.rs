@@ -5,7 +5,7 @@
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::path::Path;
 
-use crate::c::{Handle, free, read, text, with, write};
+use crate::c::{Handle, free, get_each, set_each, text, with, write};
 use crate::{Instance, Refused};
 
 const OK: c_int = 0;
@@ -139,42 +139,28 @@ pub extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3GetFloat64(handle: *mut c_void, references: *const u32, count: usize, values: *mut f64, _size: usize) -> c_int {
     call(handle, |instance| {
-        for (reference, value) in read(references, count)?.iter().zip(write(values, count)?) {
-            // Reference 0 is the time, which this version of the interface has as a variable.
-            *value = instance.real(if *reference == 0 { hil::exchange::fmu::MODEL_TIME_OUT } else { *reference })?;
-        }
-        Ok(())
+        // Reference 0 is the time, which this version of the interface has as a variable.
+        let of = |reference| instance.real(if reference == 0 { hil::exchange::fmu::MODEL_TIME_OUT } else { reference });
+        get_each(references, count, values, of)
     })
 }
 
 /// Sets real variables.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetFloat64(handle: *mut c_void, references: *const u32, count: usize, values: *const f64, _size: usize) -> c_int {
-    call(handle, |instance| {
-        read(references, count)?.iter().zip(read(values, count)?).try_for_each(|(reference, value)| instance.set_real(*reference, *value))
-    })
+    call(handle, |instance| set_each(references, count, values, |reference, value| instance.set_real(reference, value)))
 }
 
 /// Values of integer variables.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3GetInt32(handle: *mut c_void, references: *const u32, count: usize, values: *mut i32, _size: usize) -> c_int {
-    call(handle, |instance| {
-        for (reference, value) in read(references, count)?.iter().zip(write(values, count)?) {
-            *value = instance.integer(*reference)?;
-        }
-        Ok(())
-    })
+    call(handle, |instance| get_each(references, count, values, |reference| instance.integer(reference)))
 }
 
 /// Sets integer variables.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetInt32(handle: *mut c_void, references: *const u32, count: usize, values: *const i32, _size: usize) -> c_int {
-    call(handle, |instance| {
-        read(references, count)?
-            .iter()
-            .zip(read(values, count)?)
-            .try_for_each(|(reference, value)| instance.set_integer(*reference, *value))
-    })
+    call(handle, |instance| set_each(references, count, values, |reference, value| instance.set_integer(reference, value)))
 }
 
 /// A step of the master; no event is needed, the step is never cut short.
