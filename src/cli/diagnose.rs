@@ -17,7 +17,7 @@ use crate::output::{Mark, Outputs};
 use crate::physics::EFFECTS;
 use crate::recording::{Reading, Recording, Selection, replace_file};
 use crate::report;
-use crate::valve::{Hysteresis, Valve};
+use crate::valve::{Hysteresis, Identification, Valve};
 
 /// What to diagnose.
 #[derive(Debug, Args)]
@@ -88,7 +88,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     for part in &args.without {
         take_out(&mut valve, part)?;
     }
-    let good = references(args, recording, &model)?;
+    let good = references(args, recording, (&model, &valve))?;
     let recording = args.reading.read(recording)?;
     let working = Working::on("diagnosing");
     let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
@@ -116,29 +116,16 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
 }
 
 /// Data of the good valve: what was named, otherwise what the model was identified from, as long as it is the same file.
-fn references(args: &DiagnoseArgs, record: &Path, model: &Path) -> Result<Vec<Recording>, CliError> {
+fn references(args: &DiagnoseArgs, record: &Path, (model, valve): (&Path, &Valve)) -> Result<Vec<Recording>, CliError> {
     // What is selected is selected of the record; a reference may have the mapping of the record, or its own names.
     let reading = Reading { select: Selection::default(), ..args.reading.reading()? };
     let read = |path: &Path| Recording::read_as(path, &reading).or_else(|e| Recording::read(path, &[]).map_err(|_| e));
     if !args.reference.is_empty() {
         return args.reference.iter().map(|path| read(path).map_err(CliError::input)).collect();
     }
-    let kept = identified_from(model).into_iter().map(|(name, digest)| (model.with_file_name(name), digest));
+    let kept = valve.identification.iter().flat_map(Identification::sources).map(|(name, digest)| (model.with_file_name(name), digest));
     let same = kept.filter(|(path, digest)| path != record && sha256(path).is_ok_and(|found| found == *digest));
     Ok(same.filter_map(|(path, _)| read(&path).ok()).collect())
-}
-
-/// Names and digests of the recordings that a model was identified from, one or several, as its file lists them.
-fn identified_from(model: &Path) -> Vec<(String, String)> {
-    let table = std::fs::read_to_string(model).ok().and_then(|text| text.parse::<toml::Table>().ok());
-    let Some(block) = table.and_then(|mut t| t.remove("identification")) else { return Vec::new() };
-    let listed = |entry: &toml::Value, name: &str| {
-        let text = |key: &str| entry.get(key)?.as_str().map(str::to_owned);
-        Some((text(name)?, text("sha256")?))
-    };
-    let several: Vec<_> =
-        block.get("recordings").and_then(|all| all.as_array()).into_iter().flatten().filter_map(|entry| listed(entry, "name")).collect();
-    if several.is_empty() { listed(&block, "recording").into_iter().collect() } else { several }
 }
 
 /// Gives the model with what was found another name than the one as given, so that before and after are told apart

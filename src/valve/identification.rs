@@ -46,6 +46,18 @@ pub struct Identification {
     pub recordings: Vec<IdentifiedRecording>,
 }
 
+impl Identification {
+    /// File name and SHA-256 of each recording that has one; of the only recording where the file lists none.
+    pub fn sources(&self) -> Vec<(&str, &str)> {
+        let listed: Vec<_> = self.recordings.iter().filter_map(|r| Some((r.name.as_str(), r.sha256.as_deref()?))).collect();
+        if listed.is_empty() {
+            self.sha256.as_deref().map(|sha256| (self.recording.as_str(), sha256)).into_iter().collect()
+        } else {
+            listed
+        }
+    }
+}
+
 /// An estimate with its standard error, both as text with the unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -84,4 +96,16 @@ pub struct IdentifiedRecording {
     /// The RMSE by operating point: pressure, RMSE there.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub by_pressure: Vec<(Pressure, Pressure)>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_only_recording_stands_where_none_is_listed() {
+        let one = Identification { recording: "sweep.csv".into(), sha256: Some("ab".into()), ..Identification::default() };
+        assert_eq!(one.sources(), [("sweep.csv", "ab")]);
+        assert!(Identification { sha256: None, ..one }.sources().is_empty());
+    }
 }
