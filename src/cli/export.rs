@@ -65,7 +65,7 @@ fn lot(args: &ExportArgs) -> CliResult {
 /// The model's file: its path and its text.
 fn model(args: &ExportArgs) -> Result<(PathBuf, String), CliError> {
     let path = Valve::find(&args.source.to_string_lossy()).map_err(CliError::input)?;
-    let text = std::fs::read_to_string(&path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))?;
+    let text = crate::document::read(&path).map_err(|e| CliError::input(e.to_string()))?;
     Ok((path, text))
 }
 

@@ -360,6 +360,35 @@ fn another_master_on_the_same_device_is_told() {
     assert!(seen.len() < 60 + 110, "after {} slots", seen.len());
 }
 
+/// What a lost connection or a gateway carries out late is a bad line, however often it happens: nobody else writes.
+#[test]
+fn a_late_write_of_our_own_is_no_other_master() {
+    let p = driver("emulator-tcp");
+    let late = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&late);
+    let slots = std::sync::Mutex::new(Vec::<Vec<u8>>::new());
+    let device = Fake::start(&p, move |turn| {
+        let mut slots = slots.lock().unwrap();
+        if turn.is_slot() {
+            slots.push(turn.request.clone());
+        } else if slots.len() > 60 && turn.request[..3] == [3, 0, 0] {
+            // The write of three slots ago arrives right before the question what the registers hold.
+            let old = slots[slots.len() - 3].clone();
+            turn.device.execute(turn.now_s, 1, &old);
+            turn.reply = turn.device.execute(turn.now_s, 1, &turn.request);
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    });
+    let mut rig = rig(&p, &device);
+    let mut seen = Vec::new();
+    for k in 1..=300 {
+        let sample = rig.step(0.2 + 0.001 * f64::from(k % 50), f64::from(k) * PERIOD_S).unwrap_or_else(|e| panic!("{e}"));
+        seen.push(sample.quality);
+    }
+    assert!(late.load(Ordering::Relaxed) > 0, "never asked");
+    assert!(seen.iter().filter(|q| **q == Quality::Good).count() > 200, "{seen:?}");
+}
+
 #[test]
 fn a_second_program_on_the_same_device_is_refused() {
     let p = driver("emulator-tcp");

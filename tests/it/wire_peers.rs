@@ -163,6 +163,7 @@ limit = {{ min = "0 A", max = "1 A" }}
 table = "input"
 address = 0
 map = {{ raw = [4000, 20000], value = ["0 bar", "80 bar"] }}
+frozen_after = "500 ms"
 [signal.current]
 table = "input"
 address = 1

@@ -4,6 +4,7 @@
 //! unexpected the codec is built anew, and on TCP the connection too, because neither can be trusted to be in step.
 
 use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use tokio::runtime::Runtime;
@@ -33,11 +34,16 @@ pub struct ModbusBus {
     first_id: u16,
     /// Unit, address and registers of the last write that was answered, where the profile reads them back.
     written: Option<(u8, u16, Vec<u16>)>,
+    /// What was written of late, answered or not: a connection that was lost, or a gateway, may carry it out late.
+    recent: VecDeque<Vec<u16>>,
 }
 
 mod renumbered;
 
 use renumbered::Renumbered;
+
+/// Writes that are remembered: more than may be lost in a row before a run ends.
+const RECENT: usize = 256;
 
 /// Ids of a new connection begin at the next multiple of this behind those of the last.
 const ID_STEP: u16 = 256;
@@ -67,6 +73,7 @@ impl ModbusBus {
             calls: 0,
             first_id: 0,
             written: None,
+            recent: VecDeque::with_capacity(RECENT),
         })
     }
 
@@ -162,6 +169,10 @@ impl Bus for ModbusBus {
         };
         if !written.is_empty() {
             self.written = None;
+            if self.recent.len() == RECENT {
+                self.recent.pop_front();
+            }
+            self.recent.push_back(written.clone());
         }
         let response = self.call(t.unit_id, request, timeout_s)?;
         let words = match response {
@@ -204,6 +215,9 @@ impl Bus for ModbusBus {
         let Some((unit, address, written)) = self.written.clone() else { return Ok(None) };
         match self.call(unit, Request::ReadHoldingRegisters(address, written.len() as u16), timeout_s)? {
             Response::ReadHoldingRegisters(found) if found == written => Ok(None),
+            Response::ReadHoldingRegisters(found) if self.recent.contains(&found) => {
+                Err(self.lost(Loss::Stale(format!("{found:?}, which this program wrote before {written:?}"))))
+            }
             Response::ReadHoldingRegisters(found) if found.len() == written.len() => {
                 Ok(Some(format!("the registers from {address} hold {found:?} where {written:?} was written last")))
             }
