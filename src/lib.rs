@@ -48,6 +48,7 @@ pub mod exchange;
 
 pub mod report;
 
+#[cfg(feature = "program")]
 #[doc(hidden)]
 pub mod cli;
 

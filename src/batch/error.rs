@@ -45,6 +45,7 @@ pub enum BatchError {
         what: String,
     },
     /// The index failed; it can be rebuilt from the records.
+    #[cfg(feature = "history")]
     #[error("{path}: {source}; the index can be made anew from the records: hil history --rebuild", path = path.display())]
     Index {
         /// The index file.

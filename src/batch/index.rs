@@ -13,7 +13,6 @@ use serde::Serialize;
 use super::BatchError;
 use super::journal::{self, Kind, Line, Place};
 use super::tally::measurements;
-use crate::record::Outcome;
 
 mod agree;
 
@@ -377,7 +376,7 @@ fn insert(transaction: &Transaction, segment: i64, place: Place, line: &Line) ->
         dut.lot,
         line.position as i64,
         line.attempt,
-        outcome_text(record.outcome),
+        record.outcome.text(),
         record.simulated,
         line.at,
         record.plan.name,
@@ -398,22 +397,9 @@ fn insert(transaction: &Transaction, segment: i64, place: Place, line: &Line) ->
                 transaction.last_insert_rowid()
             }
         };
-        measurement.execute(params![metric, id, m.value, outcome_text(m.outcome)])?;
+        measurement.execute(params![metric, id, m.value, m.outcome.text()])?;
     }
     Ok(())
-}
-
-/// The outcome as the records write it.
-pub fn outcome_text(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Pass => "PASS",
-        Outcome::Marginal => "MARGINAL",
-        Outcome::NotRun => "NOT_RUN",
-        Outcome::Fail => "FAIL",
-        Outcome::Invalid => "INVALID",
-        Outcome::Error => "ERROR",
-        Outcome::Aborted => "ABORTED",
-    }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ pub mod comparison;
 pub mod duts;
 #[cfg(test)]
 mod example;
+#[cfg(feature = "history")]
 pub mod index;
 pub mod journal;
 pub mod master;

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::index::outcome_text;
 use super::journal::Damage;
 use super::statistics::{Finding, MetricStatistics, ParetoBar, Proportion, Tolerance, metric, pareto, proportion};
 use super::store::Header;
@@ -103,7 +102,7 @@ pub fn summarise(
         |of: &dyn Fn(&[Attempt]) -> bool| -> Vec<String> { valves.iter().filter(|v| of(v)).map(|v| v[0].dut.serial.clone()).collect() };
     let mut counts = BTreeMap::new();
     for attempt in &decided {
-        *counts.entry(outcome_text(attempt.outcome).to_string()).or_default() += 1;
+        *counts.entry(attempt.outcome.text().to_string()).or_default() += 1;
     }
     let metrics = statistics(tally.metrics(), &judged, &tolerance);
     let mut outlier_valves: BTreeMap<String, Vec<String>> = BTreeMap::new();
@@ -159,7 +158,7 @@ fn causes(attempt: &Attempt, metrics: &[MetricKey]) -> Vec<String> {
             let failed = attempt.values.iter().zip(metrics).filter(|(v, _)| v.1 == Outcome::Fail);
             failed.map(|(_, m)| format!("{}/{}", m.phase, m.metric)).collect()
         }
-        other => vec![outcome_text(other).to_string()],
+        other => vec![other.text().to_string()],
     }
 }
 

@@ -24,7 +24,7 @@ pub struct AcceptArgs {
 pub fn run(args: &AcceptArgs) -> CliResult {
     let record = report::without_provenance(&TestRecord::load(&args.record).map_err(CliError::input)?);
     if !matches!(record.outcome, Outcome::Pass | Outcome::Marginal | Outcome::Fail) {
-        let outcome = report::format::outcome(record.outcome);
+        let outcome = record.outcome.text();
         return Err(CliError::input(format!(
             "{}: the outcome is {outcome}; only a run with a verdict (PASS, MARGINAL, FAIL) can be accepted",
             args.record.display()

@@ -336,7 +336,7 @@ fn header(
         population,
         limits: limits_of,
         decision_rule: limits.map_or(crate::limits::DecisionRule::Simple, |l| l.1.decision_rule).text().into(),
-        attempts: (retry.most, retry.after.iter().map(|o| crate::batch::index::outcome_text(*o).to_string()).collect()),
+        attempts: (retry.most, retry.after.iter().map(|o| o.text().to_string()).collect()),
         station,
         version: env!("CARGO_PKG_VERSION").into(),
     })
@@ -437,7 +437,7 @@ impl Told {
             None => {
                 let attempt = if one.job.attempt > 1 { format!(" (attempt {})", one.job.attempt) } else { String::new() };
                 let reason = one.record.reasons.first().map_or_else(String::new, |r| format!(": {r}"));
-                super::note(&format!("{:<24} {}{attempt}{reason}", one.job.dut.serial, report::format::outcome(outcome)));
+                super::note(&format!("{:<24} {}{attempt}{reason}", one.job.dut.serial, outcome.text()));
             }
         }
     }

@@ -105,11 +105,11 @@ fn parquet(path: &Path, tally: &Tally) -> Result<(), BatchError> {
                 a.dut.part_number.as_deref().unwrap_or(""),
                 a.dut.revision.as_deref().unwrap_or(""),
                 a.dut.lot.as_deref().unwrap_or(""),
-                report::format::outcome(a.outcome),
+                a.outcome.text(),
                 &m.phase,
                 &m.metric,
                 &m.unit,
-                report::format::outcome(*verdict),
+                verdict.text(),
             ];
             texts.iter_mut().zip(row).for_each(|(column, text)| column.push(text));
         }

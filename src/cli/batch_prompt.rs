@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::batch::BatchArgs;
 use crate::batch::campaign::Job;
-use crate::batch::index::{Index, Query, outcome_text};
+use crate::batch::index::{Index, Query};
 use crate::batch::store::Loaded;
 use crate::batch::{BatchError, duts};
 use crate::plan::{LimitsFile, SerialForm};
@@ -51,7 +51,7 @@ impl Prompted {
         match before {
             Some(Outcome::Pass | Outcome::Marginal) => return Some("has passed in this batch already".into()),
             Some(Outcome::NotRun) => return Some("is being tested".into()),
-            Some(outcome) => super::note(&format!("{serial} was tested before: {}; this is a further attempt", outcome_text(outcome))),
+            Some(outcome) => super::note(&format!("{serial} was tested before: {}; this is a further attempt", outcome.text())),
             None => {}
         }
         let dir = self.known.as_ref()?;

@@ -12,7 +12,6 @@ use crate::batch::master;
 use crate::batch::station::Station;
 use crate::plan::Override;
 use crate::record::{Dut, Provenance};
-use crate::report::format;
 
 /// Arguments of `hil master`.
 #[derive(Debug, Args)]
@@ -56,7 +55,7 @@ pub fn run(args: &MasterArgs) -> CliResult {
     let log = master::log_path(&args.station);
     master::append(&log, &check).map_err(failed)?;
     let verdict = if check.as_expected { "as it should" } else { "NOT as it should: the gate stays closed" };
-    super::print(&format!("master {} got {}, {verdict}\n", check.serial, format::outcome(check.outcome)))?;
+    super::print(&format!("master {} got {}, {verdict}\n", check.serial, check.outcome.text()))?;
     if record.ended_unsafe() {
         super::print("SAFE STATE NOT CONFIRMED - REMOVE POWER\n")?;
         return Ok(exit::RIG);

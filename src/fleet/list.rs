@@ -4,8 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::Field;
+#[cfg(feature = "parquet")]
+use parquet::{
+    file::reader::{FileReader, SerializedFileReader},
+    record::Field,
+};
 
 use super::FleetError;
 
@@ -102,6 +105,12 @@ fn plain(value: serde_json::Value) -> Option<String> {
     }
 }
 
+#[cfg(not(feature = "parquet"))]
+fn of_parquet(_path: &Path) -> Result<Vec<Cells>, String> {
+    Err("this library was built without the feature `parquet`; CSV and JSON lines are read".into())
+}
+
+#[cfg(feature = "parquet")]
 fn of_parquet(path: &Path) -> Result<Vec<Cells>, String> {
     let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
     let reader = SerializedFileReader::new(file).map_err(|e| e.to_string())?;

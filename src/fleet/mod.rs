@@ -10,6 +10,7 @@ pub mod findings;
 pub mod list;
 pub mod row;
 pub mod store;
+#[cfg(feature = "parquet")]
 pub mod table;
 pub mod work;
 

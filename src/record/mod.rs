@@ -29,6 +29,21 @@ pub enum Outcome {
     Aborted,
 }
 
+impl Outcome {
+    /// As records, journals and reports write it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Pass => "PASS",
+            Self::Marginal => "MARGINAL",
+            Self::NotRun => "NOT_RUN",
+            Self::Fail => "FAIL",
+            Self::Invalid => "INVALID",
+            Self::Error => "ERROR",
+            Self::Aborted => "ABORTED",
+        }
+    }
+}
+
 /// The record of one run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TestRecord {

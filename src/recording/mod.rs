@@ -15,6 +15,7 @@ mod inspect;
 mod likely;
 mod mapping;
 mod mdf4;
+#[cfg_attr(not(feature = "parquet"), path = "without_parquet.rs")]
 mod parquet;
 mod part;
 mod reading;
@@ -33,9 +34,9 @@ pub use columns::ColumnValues;
 pub use error::RecordingError;
 pub use inspect::{ChannelSurvey, Content, Proposal, Survey, inspect};
 pub use mapping::{Mapping, Role};
-pub use parquet::{Cells, read_parquet};
+pub use parquet::{read_parquet, write_parquet};
 pub use reading::{Encoding, MAPPING_SCHEMA, MappingFile, ReadFile, Reading, SelectFile, Selection};
-pub use table::{Column, Values, write_parquet};
+pub use table::{Cells, Column, Values};
 pub use write::replace_file;
 
 use crate::units::{self, Unit};

@@ -5,36 +5,23 @@ use serde_json::Value;
 use crate::record::{LimitRecord, Measurement, Origin, Outcome, PhaseRecord, TestRecord};
 use crate::units::Unit;
 
-/// The outcome as it stands in the record: `PASS`, `NOT_RUN`.
-pub fn outcome(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Pass => "PASS",
-        Outcome::Marginal => "MARGINAL",
-        Outcome::NotRun => "NOT_RUN",
-        Outcome::Fail => "FAIL",
-        Outcome::Invalid => "INVALID",
-        Outcome::Error => "ERROR",
-        Outcome::Aborted => "ABORTED",
-    }
-}
-
 /// The verdict of a run in the word that fits: one that ran and has no limit is done, and judged by nothing.
 pub fn run_verdict(record: &TestRecord) -> &'static str {
     let ran = record.phases.iter().any(|p| p.span_s.is_some());
-    if record.outcome == Outcome::NotRun && ran { "DONE" } else { outcome(record.outcome) }
+    if record.outcome == Outcome::NotRun && ran { "DONE" } else { record.outcome.text() }
 }
 
 /// Verdict of a measurement; one without a limit was measured, but judged by nothing.
 pub fn verdict(measurement: &Measurement) -> &'static str {
     match measurement.limit {
         None if measurement.outcome == Outcome::NotRun => "no limit",
-        _ => outcome(measurement.outcome),
+        _ => measurement.outcome.text(),
     }
 }
 
 /// Verdict of a phase; one that ran without a limit is judged by nothing.
 pub fn phase_verdict(phase: &PhaseRecord) -> &'static str {
-    if phase.outcome == Outcome::NotRun && phase.span_s.is_some() { "no limit" } else { outcome(phase.outcome) }
+    if phase.outcome == Outcome::NotRun && phase.span_s.is_some() { "no limit" } else { phase.outcome.text() }
 }
 
 /// A number in the fixed digits of `unit`, without the unit.
@@ -110,7 +97,7 @@ pub fn tally(record: &TestRecord) -> String {
         }
     }
     counts.sort_unstable();
-    let texts: Vec<String> = counts.iter().map(|(o, n)| format!("{n} {}", outcome(*o))).collect();
+    let texts: Vec<String> = counts.iter().map(|(o, n)| format!("{n} {}", o.text())).collect();
     if texts.is_empty() { "no measurement has a limit".into() } else { texts.join(", ") }
 }
 

@@ -14,7 +14,7 @@ pub fn junit(record: &TestRecord) -> String {
     let mut suite = TestSuite::new(format!("{} on {}", record.plan.name, record.dut.serial));
     for (name, value) in [
         ("simulated", record.simulated.to_string()),
-        ("outcome", format::outcome(record.outcome).to_string()),
+        ("outcome", record.outcome.text().to_string()),
         ("plan.sha256", record.plan.sha256.clone()),
         ("dut.serial", record.dut.serial.clone()),
         ("rig", format!("{} {}", record.rig.kind, record.rig.name)),
@@ -93,6 +93,6 @@ fn status(outcome: Outcome, message: &str, ran: bool) -> TestCaseStatus {
         Outcome::Invalid | Outcome::Error | Outcome::Aborted => NonSuccessKind::Error,
     };
     let mut status = TestCaseStatus::non_success(kind);
-    status.set_type(format::outcome(outcome)).set_message(message);
+    status.set_type(outcome.text()).set_message(message);
     status
 }

@@ -82,7 +82,7 @@ fn row(measurement: &Measurement) -> String {
 }
 
 fn bold(outcome: Outcome) -> String {
-    format!("**{}**", format::outcome(outcome).replace('_', " "))
+    format!("**{}**", outcome.text().replace('_', " "))
 }
 
 /// Text from outside in a table cell: no markup, no second column.

@@ -3,17 +3,27 @@
 
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "wire")]
 pub mod emulator;
+#[cfg(feature = "wire")]
 pub mod line;
+#[cfg(feature = "wire")]
 pub mod loop_thread;
+#[cfg(feature = "wire")]
 pub mod modbus;
+mod outside;
 pub mod profile;
+#[cfg(feature = "wire")]
 pub mod realtime;
 pub mod replay;
+#[cfg(feature = "wire")]
 pub mod signals;
 pub mod simulated;
+#[cfg(feature = "wire")]
 pub mod wire;
 
+pub use outside::OutsideLimits;
+#[cfg(feature = "wire")]
 pub use wire::{Endpoint, Options, open};
 
 /// How far a sample can be trusted.
@@ -173,7 +183,7 @@ pub enum RigError {
     },
     /// A current outside the limits was asked for.
     #[error(transparent)]
-    Refused(wire::OutsideLimits),
+    Refused(OutsideLimits),
     /// The current was asked to change too fast.
     #[error("a change of the current of {change_a_per_s:.3} A/s is above the limit of {limit_a_per_s:.3} A/s; it was not sent")]
     Slew {

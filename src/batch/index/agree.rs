@@ -5,7 +5,7 @@ use std::path::Path;
 use rusqlite::Connection;
 use sha2::{Digest, Sha256};
 
-use super::{Answer, Figure, Index, Query, outcome_text};
+use super::{Answer, Figure, Index, Query};
 use crate::batch::BatchError;
 use crate::batch::journal;
 use crate::batch::tally::measurements;
@@ -34,11 +34,11 @@ impl Index {
             == (true, true, true, true);
         let figure = |f: &Figure| {
             measurements(&record).any(|(phase, metric, m)| {
-                phase == f.phase && metric == f.metric && m.unit == f.unit && m.value == f.value && outcome_text(m.outcome) == f.outcome
+                phase == f.phase && metric == f.metric && m.unit == f.unit && m.value == f.value && m.outcome.text() == f.outcome
             })
         };
         same && a.attempt == line.attempt
-            && a.outcome == outcome_text(record.outcome)
+            && a.outcome == record.outcome.text()
             && (a.simulated, a.emulated) == (record.simulated, record.rig.emulated)
             && (&a.at, &a.plan) == (&line.at, &record.plan.name)
             && a.measurements.iter().all(figure)

@@ -3,6 +3,7 @@
 use super::*;
 use crate::batch::example;
 use crate::batch::journal::{Journal, encode};
+use crate::record::Outcome;
 
 fn write(batch: &Path, from: usize, to: usize) {
     let mut journal = Journal::begin(batch).unwrap();

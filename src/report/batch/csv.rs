@@ -5,7 +5,6 @@ use std::io::{self, Write};
 use crate::batch::tally::Tally;
 use crate::output::inert;
 use crate::record::{Origin, Outcome};
-use crate::report::format;
 
 /// Writes one row per attempt and metric; a value that does not exist is an empty field.
 ///
@@ -50,7 +49,7 @@ pub fn csv(tally: &Tally, out: &mut dyn Write) -> io::Result<()> {
                 &text(a.dut.revision.as_deref().unwrap_or("")),
                 &text(a.dut.lot.as_deref().unwrap_or("")),
                 &attempt,
-                format::outcome(a.outcome),
+                a.outcome.text(),
                 simulated,
                 &text(&m.phase),
                 &text(&m.metric),
@@ -58,7 +57,7 @@ pub fn csv(tally: &Tally, out: &mut dyn Write) -> io::Result<()> {
                 &m.unit,
                 min,
                 max,
-                format::outcome(*verdict),
+                verdict.text(),
                 emulated,
             ])?;
         }

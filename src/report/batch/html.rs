@@ -69,7 +69,7 @@ fn heading(summary: &BatchSummary, id: &str) -> Markup {
             }
             .badges {
                 @if let Some(word) = format::origin_badge(summary.origin) { span.badge.big.sim { (word) } }
-                (badge(format::outcome(summary.outcome), true))
+                (badge(summary.outcome.text(), true))
             }
         }
         @if let Some(mark) = unsafe_mark(summary) { .alarm role="alert" { (mark) } }

@@ -56,7 +56,7 @@ pub fn junit(summary: &BatchSummary, tally: &Tally, out: &mut dyn Write) -> io::
                 None => writeln!(out, "/>")?,
                 Some("skipped") => writeln!(out, "><skipped message=\"{}\"/></testcase>", escape(&case.message))?,
                 Some(element) => {
-                    let kind = format::outcome(case.outcome);
+                    let kind = case.outcome.text();
                     writeln!(out, "><{element} type=\"{kind}\" message=\"{}\"/></testcase>", escape(&case.message))?;
                 }
             }

@@ -11,7 +11,7 @@ use crate::report::markdown::escape;
 pub fn markdown(summary: &BatchSummary) -> String {
     let mut out = String::new();
     let b = &summary.batch;
-    let _ = writeln!(out, "# Batch of {} on {}: {}\n", summary.valves.len(), b.plan, format::outcome(summary.outcome));
+    let _ = writeln!(out, "# Batch of {} on {}: {}\n", summary.valves.len(), b.plan, summary.outcome.text());
     if let Some(mark) = unsafe_mark(summary) {
         let _ = writeln!(out, "# \u{26a0} {}\n", escape(&mark));
     }
@@ -57,12 +57,12 @@ pub fn markdown(summary: &BatchSummary) -> String {
     if !named.is_empty() {
         out.push_str("\n## Not passed\n\n| serial | outcome | attempts | reason |\n|---|---|---|---|\n");
         for v in named.iter().take(100) {
-            let attempts: Vec<&str> = v.attempts.iter().map(|a| format::outcome(*a)).collect();
+            let attempts: Vec<&str> = v.attempts.iter().map(|a| a.text()).collect();
             let _ = writeln!(
                 out,
                 "| {} | {} | {} | {} |",
                 v.serial,
-                format::outcome(v.outcome),
+                v.outcome.text(),
                 attempts.join(", "),
                 v.reason.as_deref().unwrap_or("").replace('|', "\\|")
             );

@@ -104,7 +104,7 @@ fn push_row(
     (part, revision, lot, retried): (bool, bool, bool, bool),
 ) {
     use std::fmt::Write as _;
-    let verdict = format::outcome(v.outcome);
+    let verdict = v.outcome.text();
     let class = match v.outcome {
         Outcome::Pass | Outcome::NotRun => "",
         Outcome::Marginal => " class=marginal",
@@ -123,7 +123,7 @@ fn push_row(
     }
     let _ = write!(out, "<td><span class=\"badge {}\">{verdict}</span>", verdict.to_lowercase().replace('_', "-"));
     if retried {
-        let attempts: Vec<&str> = v.attempts.iter().map(|a| format::outcome(*a)).collect();
+        let attempts: Vec<&str> = v.attempts.iter().map(|a| a.text()).collect();
         let _ = write!(out, "<td>{}", attempts.join(", "));
     }
     for (k, m) in shown {

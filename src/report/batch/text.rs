@@ -12,7 +12,7 @@ const NAMED: usize = 20;
 /// The batch as text.
 pub fn text(summary: &BatchSummary) -> String {
     let mut out = String::new();
-    let verdict = format::outcome(summary.outcome);
+    let verdict = summary.outcome.text();
     let title = format!("batch of {} on {}", summary.valves.len(), summary.batch.plan);
     let width = COLUMNS - verdict.len() - 1;
     let _ = writeln!(out, "{:<width$} {verdict}", title.chars().take(width).collect::<String>());
@@ -56,7 +56,7 @@ pub fn text(summary: &BatchSummary) -> String {
         out.push_str("\nnot passed\n");
         rule(&mut out, '-');
         for v in named.iter().take(NAMED) {
-            let lead = format!("  {:<20} {:<9} ", v.serial, format::outcome(v.outcome));
+            let lead = format!("  {:<20} {:<9} ", v.serial, v.outcome.text());
             wrapped(&mut out, &lead, v.reason.as_deref().unwrap_or(""));
         }
         if named.len() > NAMED {

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use super::{Change, RecordDiff, different};
 use crate::record::Outcome;
-use crate::report::{COLUMNS, fold, format, markdown as md};
+use crate::report::{COLUMNS, fold, markdown as md};
 
 fn outcome(outcome: Option<Outcome>) -> &'static str {
-    outcome.map_or("no record", format::outcome)
+    outcome.map_or("no record", Outcome::text)
 }
 
 fn verdicts(diff: &RecordDiff) -> String {

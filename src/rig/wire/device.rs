@@ -2,7 +2,8 @@
 
 use super::bus::{Bus, Incoming, Loss, Outgoing};
 use super::counter::Counter;
-use super::sequence::{OutsideLimits, Sequence, rests_on_setpoint};
+use super::sequence::{Sequence, rests_on_setpoint};
+use crate::rig::OutsideLimits;
 use crate::rig::profile::{Freshness, Profile, SignalName, TransportKind};
 use crate::rig::realtime::Clock;
 use crate::rig::{Quality, RigError};

@@ -22,7 +22,7 @@ use lock::DeviceLock;
 pub use port::{BusPort, Stream};
 pub use probe::{Findings, Probed, probe};
 use proof::Proofs;
-pub use sequence::{OutsideLimits, Sequence, rests_on_setpoint};
+pub use sequence::{Sequence, rests_on_setpoint};
 
 use super::line::LineBus;
 use super::loop_thread::LoopControl;

@@ -1,5 +1,6 @@
 //! What makes each request unlike the last ones, so that a late reply shows itself.
 
+use crate::rig::OutsideLimits;
 use crate::rig::profile::{Profile, SetpointLimit, Signal};
 
 /// Requests that may be unanswered at once, and one more: so many in a row are all different.
@@ -10,18 +11,6 @@ const DISTINCT: usize = 4;
 pub struct Sequence {
     token: u16,
     recent: [f64; DISTINCT - 1],
-}
-
-/// A set-point that may not be sent.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("a current of {asked_a:.4} A is outside the limits of {min_a:.4} A to {max_a:.4} A; it was not sent")]
-pub struct OutsideLimits {
-    /// The current that was asked for [A].
-    pub asked_a: f64,
-    /// The smallest that may be sent [A].
-    pub min_a: f64,
-    /// The largest that may be sent [A].
-    pub max_a: f64,
 }
 
 impl Sequence {

@@ -13,7 +13,11 @@ use parquet::schema::types::ColumnDescriptor;
 use super::inspect::{Content, RawColumn, Table};
 use super::mapping::Role;
 use super::source::{Rows, Source, resolve};
-use super::{Mapping, RecordingError};
+use super::{Cells, Mapping, RecordingError};
+
+mod write;
+
+pub use write::write_parquet;
 
 /// Values taken from a column at a time.
 const BATCH: usize = 1 << 16;
@@ -22,17 +26,6 @@ const BATCH: usize = 1 << 16;
 pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
     let result = silenced(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read_trusting(path, file, map))));
     result.unwrap_or_else(|_| Err(RecordingError::format(file, "the file is damaged: its pages contradict one another")))
-}
-
-/// All cells of a column.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Cells {
-    /// Numbers; NaN is a gap.
-    Numbers(Vec<f64>),
-    /// Time stamps as seconds since the first.
-    Stamps(Vec<f64>),
-    /// Texts; a gap is empty.
-    Texts(Vec<String>),
 }
 
 /// Every column of a Parquet file with its name, but for lists.
