@@ -78,13 +78,13 @@ fn recorded(id: &str, first: f64) -> Run {
     let theta: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(first)).collect();
     let mut valve = calibrated();
     valve.effects.push(specification(effect, &theta));
-    let pressure = simulate(&valve, Input::Ramp, &time_s, &current_a).expect("the bench's drive can be simulated");
+    let pressure = simulate(&valve, Input::Held, &time_s, &current_a).expect("the bench's drive can be simulated");
     let noisy = pressure.iter().enumerate().map(|(k, p)| p + 0.04 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
     Run { time_s, current_a, pressure_bar: Some(noisy), ..Run::default() }
 }
 
 fn recording_of(run: Run) -> Recording {
-    Recording { source: "bench".into(), runs: vec![run], notes: Vec::new() }
+    Recording { source: "bench".into(), runs: vec![run], notes: Vec::new(), input: None }
 }
 
 fn group<'c>(c: &'c mut Criterion, name: &str, measurement_s: u64) -> BenchmarkGroup<'c, WallTime> {
@@ -99,11 +99,11 @@ fn effects(c: &mut Criterion) {
     let mut group = group(c, "effect", 2);
     group.sample_size(40).throughput(Throughput::Elements(time.len() as u64));
     let mut plain = calibrated();
-    group.bench_function("none", |b| b.iter(|| simulate(&plain, Input::Ramp, black_box(&time), black_box(&current))));
+    group.bench_function("none", |b| b.iter(|| simulate(&plain, Input::Held, black_box(&time), black_box(&current))));
     for effect in EFFECTS {
         let theta: Vec<f64> = effect.parameters().iter().map(|p| p.starts[0]).collect();
         plain.effects = vec![specification(*effect, &theta)];
-        group.bench_function(effect.id(), |b| b.iter(|| simulate(&plain, Input::Ramp, black_box(&time), black_box(&current))));
+        group.bench_function(effect.id(), |b| b.iter(|| simulate(&plain, Input::Held, black_box(&time), black_box(&current))));
     }
     group.finish();
 }

@@ -30,10 +30,10 @@ fn sweep() -> Recording {
             0.52 + shrink * 0.42 * (1.0 - 4.0 * (phase - 0.5).abs())
         })
         .collect();
-    let pressure = simulate(&valve, Input::Ramp, &time_s, &current_a).expect("the bench's sweep can be simulated");
+    let pressure = simulate(&valve, Input::Held, &time_s, &current_a).expect("the bench's sweep can be simulated");
     let noisy = pressure.iter().enumerate().map(|(k, p)| p + 0.04 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
     let run = Run { time_s, current_a, pressure_bar: Some(noisy), ..Run::default() };
-    Recording { source: "sweep".into(), runs: vec![run], notes: Vec::new() }
+    Recording { source: "sweep".into(), runs: vec![run], notes: Vec::new(), input: None }
 }
 
 fn identification(c: &mut Criterion) {

@@ -10,7 +10,7 @@ fn recording(c: &mut Criterion) {
     let current_a: Vec<f64> = time_s.iter().map(|t| rounded(0.5 + 0.4 * (t / 3.0).sin(), 1e5)).collect();
     let pressure_bar: Vec<f64> = current_a.iter().map(|i| rounded(25.0 * i, 1e3)).collect();
     let run = Run { time_s, current_a, pressure_bar: Some(pressure_bar), ..Run::default() };
-    let recording = Recording { source: "bench".into(), runs: vec![run], notes: Vec::new() };
+    let recording = Recording { source: "bench".into(), runs: vec![run], notes: Vec::new(), input: None };
     let folder = tempfile::tempdir().expect("a folder for the files");
     for format in ["csv", "parquet", "mf4"] {
         let path = folder.path().join(format!("bench.{format}"));

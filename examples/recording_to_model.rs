@@ -37,11 +37,11 @@ fn made() -> Result<(Recording, Recording), Box<dyn Error>> {
     let recorded = |name: &str, valve: &Valve, current: &dyn Fn(f64) -> f64| -> Result<Recording, Box<dyn Error>> {
         let time_s: Vec<f64> = (0..6000).map(|k| f64::from(k) * 0.01).collect();
         let current_a: Vec<f64> = time_s.iter().map(|t| current(*t)).collect();
-        let pressure_bar = simulate(valve, hil::valve::Input::Ramp, &time_s, &current_a)?;
+        let pressure_bar = simulate(valve, hil::valve::Input::Held, &time_s, &current_a)?;
         let pressure_bar =
             Some(pressure_bar.iter().enumerate().map(|(k, p)| p + 0.02 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect());
         let run = Run { time_s, current_a, pressure_bar, ..Run::default() };
-        Ok(Recording { source: name.into(), runs: vec![run], notes: Vec::new() })
+        Ok(Recording { source: name.into(), runs: vec![run], notes: Vec::new(), input: None })
     };
     let sweep = recorded("sweep", &valve, &|t| 0.5 + 0.4 * (1.0 - t / 120.0) * (0.25 * t).sin())?;
     let drive = recorded("drive", &slower, &|t| 0.5 + 0.25 * (0.37 * t).sin().signum() * (0.9 * t).sin().powi(2))?;

@@ -222,12 +222,12 @@ def simulate(
     *,
     step_s: float = 0.01,
     time: npt.ArrayLike | None = None,
-    input: str = "ramp",  # noqa: A002 - the word of the command line
+    input: str = "held",  # noqa: A002 - the word of the command line
 ) -> npt.NDArray[np.float64]:
     """Simulated pressure [bar], shape (n,), of a current [A], shape (n,).
 
     step_s: time between two samples [s]; or time: that of each sample [s], increasing, shape (n,).
-    input: ``"ramp"``, the command goes to the next sample on a line, as the program takes it, or ``"held"``, it stands until then.
+    input: ``"held"``, the command stands until the next sample, as the program takes it, or ``"ramp"``, it goes there on a line.
     A float64 array is read in place. Raises ModelError.
     """
     wanted = np.ascontiguousarray(current, dtype=np.float64)

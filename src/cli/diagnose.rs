@@ -22,9 +22,9 @@ use crate::valve::{Hysteresis, Identification, Valve};
 /// What to diagnose.
 #[derive(Debug, Args)]
 pub struct DiagnoseArgs {
-    /// The recording: .csv, .parquet or .mf4
-    #[arg(required_unless_present = "jobs", conflicts_with = "jobs")]
-    recording: Option<PathBuf>,
+    /// The recording: .csv, .parquet or .mf4; several of one valve share what they show
+    #[arg(required_unless_present = "jobs", conflicts_with = "jobs", value_name = "RECORDING")]
+    recordings: Vec<PathBuf>,
     /// The valve model: a file, or the bare name of one in valves/
     #[arg(long, value_name = "VALVE", required_unless_present = "jobs", conflicts_with = "jobs")]
     model: Option<String>,
@@ -77,19 +77,19 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     if args.many.jobs.is_some() {
         return super::jobs::run(&super::jobs::Diagnose { reading: args.reading.reading()? }, &args.many);
     }
-    let (Some(recording), Some(model)) = (&args.recording, &args.model) else {
+    let (false, Some(model)) = (args.recordings.is_empty(), &args.model) else {
         return Err(CliError::usage("a RECORDING and --model VALVE, or --jobs LIST"));
     };
     let model = Valve::find(model).map_err(CliError::input)?;
-    let inputs = Outputs::new(args.force.force).reads([recording, &model]).reads(&args.reference).reads(args.reading.files());
+    let inputs = Outputs::new(args.force.force).reads(&args.recordings).reads([&model]).reads(&args.reference).reads(args.reading.files());
     let outputs = inputs.file(args.output.as_ref(), VALVE);
     let _claim = outputs.file(args.report.as_ref(), Mark::Page).file(args.next_plan.as_ref(), PLAN).claim()?;
     let mut valve = checked_valve(&model)?;
     for part in &args.without {
         take_out(&mut valve, part)?;
     }
-    let good = references(args, recording, (&model, &valve))?;
-    let recording = args.reading.read(recording)?;
+    let good = references(args, (&model, &valve))?;
+    let recording = Recording::together(args.recordings.iter().map(|path| args.reading.read(path)).collect::<Result<_, _>>()?);
     let working = Working::on("diagnosing");
     let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
     drop(working);
@@ -116,7 +116,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
 }
 
 /// Data of the good valve: what was named, otherwise what the model was identified from, as long as it is the same file.
-fn references(args: &DiagnoseArgs, record: &Path, (model, valve): (&Path, &Valve)) -> Result<Vec<Recording>, CliError> {
+fn references(args: &DiagnoseArgs, (model, valve): (&Path, &Valve)) -> Result<Vec<Recording>, CliError> {
     // What is selected is selected of the record; a reference may have the mapping of the record, or its own names.
     let reading = Reading { select: Selection::default(), ..args.reading.reading()? };
     let read = |path: &Path| Recording::read_as(path, &reading).or_else(|e| Recording::read(path, &[]).map_err(|_| e));
@@ -124,7 +124,7 @@ fn references(args: &DiagnoseArgs, record: &Path, (model, valve): (&Path, &Valve
         return args.reference.iter().map(|path| read(path).map_err(CliError::input)).collect();
     }
     let kept = valve.identification.iter().flat_map(Identification::sources).map(|(name, digest)| (model.with_file_name(name), digest));
-    let same = kept.filter(|(path, digest)| path != record && sha256(path).is_ok_and(|found| found == *digest));
+    let same = kept.filter(|(path, digest)| !args.recordings.contains(path) && sha256(path).is_ok_and(|found| found == *digest));
     Ok(same.filter_map(|(path, _)| read(&path).ok()).collect())
 }
 

@@ -16,7 +16,6 @@ use crate::identify::{HysteresisChoice, Options, identify_courses};
 use crate::output::{Mark, Outputs};
 use crate::recording::replace_file;
 use crate::report;
-use crate::valve::Input;
 
 /// Arguments of `hil identify`.
 #[derive(Debug, Args)]
@@ -31,10 +30,6 @@ pub struct IdentifyArgs {
     /// Whether the model has a hysteresis; found from the data where it is not given.
     #[arg(long, value_enum)]
     hysteresis: Option<HysteresisArg>,
-    /// What the command does between its samples: held from message to message, or on a straight line; found from the data
-    /// where they tell.
-    #[arg(long, value_enum)]
-    input: Option<InputArg>,
     /// A pressure that falls while the current rises is meant, and no turned sign.
     #[arg(long)]
     falling: bool,
@@ -69,12 +64,6 @@ enum HysteresisArg {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum InputArg {
-    Held,
-    Ramp,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
 enum Format {
     Text,
     Json,
@@ -82,6 +71,7 @@ enum Format {
 
 /// Identifies, writes the model, prints what was found.
 pub fn run(args: &IdentifyArgs) -> CliResult {
+    let reading = args.reading.reading()?;
     let options = Options {
         name: args.name.clone(),
         order: args.order,
@@ -91,15 +81,12 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
             Some(HysteresisArg::Free) => HysteresisChoice::Free,
             Some(HysteresisArg::None) => HysteresisChoice::None,
         },
-        input: args.input.map(|input| match input {
-            InputArg::Held => Input::Held,
-            InputArg::Ramp => Input::Ramp,
-        }),
+        input: reading.input,
         falling: args.falling,
         sha256: Vec::new(),
     };
     if args.many.jobs.is_some() {
-        return super::jobs::run(&super::jobs::Identify { reading: args.reading.reading()?, options }, &args.many);
+        return super::jobs::run(&super::jobs::Identify { reading, options }, &args.many);
     }
     let outputs = Outputs::new(args.force.force).reads(&args.recordings).reads(args.reading.files());
     let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;

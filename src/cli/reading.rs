@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::CliError;
+use super::input::InputShape;
 use crate::recording::{Encoding, Mapping, Reading, Recording, RecordingError, Selection};
 use crate::units::TIME;
 
@@ -33,6 +34,10 @@ pub struct ReadArgs {
     /// Encoding of a text: utf-8, utf-16, latin-1
     #[arg(long, value_name = "NAME")]
     pub encoding: Option<Encoding>,
+    /// What the command does between its samples; found from the data, or as the model was identified, where it is not
+    /// given
+    #[arg(long, value_enum)]
+    pub input: Option<InputShape>,
 }
 
 fn time(text: &str) -> Result<f64, String> {
@@ -48,6 +53,7 @@ impl ReadArgs {
             header_row: self.header_row.map(|row| row as usize),
             encoding: self.encoding,
             select: Selection { runs: self.runs.clone(), from_s: self.from, to_s: self.to },
+            input: self.input.map(Into::into),
         };
         let mut file = self.mapping.clone();
         for text in &self.map {

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::input::InputShape;
 use super::outputs::Force;
 use super::reading::ReadArgs;
 use super::run::checked_valve;
@@ -35,9 +34,6 @@ pub struct SimulateArgs {
     /// Existing files.
     #[command(flatten)]
     force: Force,
-    /// What the command does between two samples, where the recording does not say it
-    #[arg(long, value_enum)]
-    input: Option<InputShape>,
     /// How to print the summary; `json` prints it alone, and the pressure only goes to -o
     #[arg(long, value_enum, default_value = "text")]
     format: SummaryFormat,
@@ -78,8 +74,7 @@ pub fn run(args: &SimulateArgs) -> CliResult {
     }
 
     let average = Valve { hysteresis: Hysteresis::None, ..valve.clone() };
-    let course =
-        Course::of(&recording, &Preparation { input: args.input.map(Into::into), ..Preparation::default() }).map_err(CliError::input)?;
+    let course = Course::of(&recording, &Preparation::for_model(&recording, &valve)).map_err(CliError::input)?;
     for note in course.notes.iter().skip(recording.notes.len()) {
         let _ = writeln!(messages, "note: {}: {note}", recording.source);
     }
@@ -104,7 +99,7 @@ pub fn run(args: &SimulateArgs) -> CliResult {
         let rounded = pressure.into_iter().map(|p| (p * 1e6).round() / 1e6).collect();
         runs.push(Run { name: run.name, time_s: run.time_s, current_a: run.current_a, pressure_bar: Some(rounded), ..Run::default() });
     }
-    let simulated = Recording { source: recording.source, runs, notes: Vec::new() };
+    let simulated = Recording { source: recording.source, runs, notes: Vec::new(), input: None };
 
     if let Some(path) = &args.output {
         simulated.write(path).map_err(CliError::not_stored)?;

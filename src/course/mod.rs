@@ -14,12 +14,13 @@ mod split;
 
 use std::ops::Range;
 
+pub use crate::recording::Selection;
 pub use error::CourseError;
 pub use noise::Noise;
-pub use prepare::Selection;
 
 use crate::recording::Recording;
 pub use crate::valve::Input;
+use crate::valve::Valve;
 
 /// How a recording is made ready.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -28,6 +29,15 @@ pub struct Preparation {
     pub input: Option<Input>,
     /// What of the recording counts.
     pub selection: Selection,
+}
+
+impl Preparation {
+    /// For a comparison with a model: a recording that does not state its input has that of the recordings which the model was
+    /// identified from, as its delay counts from there.
+    pub fn for_model(recording: &Recording, valve: &Valve) -> Self {
+        let input = recording.input.or(valve.identification.as_ref().and_then(|i| i.input));
+        Self { input, ..Self::default() }
+    }
 }
 
 /// A recording made ready: runs on even grids, noise, notes.

@@ -3,18 +3,7 @@
 use super::grid::{self, Laid};
 use super::split::{self, Parts};
 use super::{Course, CourseError, Noise, Origin, Preparation, Run};
-use crate::recording::{self, Recording};
-
-/// What of a recording counts; all of it by default.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Selection {
-    /// Runs by name; all where empty.
-    pub runs: Vec<String>,
-    /// From this time on, by the recording's clock [s].
-    pub from_s: Option<f64>,
-    /// Up to this time, by the recording's clock [s].
-    pub to_s: Option<f64>,
-}
+use crate::recording::{self, Recording, Selection};
 
 /// What was done to the runs, for the notes.
 #[derive(Default)]
@@ -36,7 +25,8 @@ pub fn course(mut recording: Recording, preparation: &Preparation) -> Result<Cou
         let known = recording.runs.iter().map(named).collect::<Vec<_>>().join(", ");
         return Err(CourseError::NoSuchRun { source_name: source, run: run.clone(), known });
     }
-    let input = preparation.input.unwrap_or_default();
+    let stated = preparation.input.or(recording.input);
+    let input = stated.unwrap_or_default();
     let recorded = stretch(recording.runs.iter().flat_map(|run| run.time_s.first().into_iter().chain(run.time_s.last())));
     let current_s = when(&recording, |run| &run.current_a);
     let pressure_s = when(&recording, |run| run.pressure_bar.as_deref().unwrap_or_default());
@@ -88,7 +78,7 @@ pub fn course(mut recording: Recording, preparation: &Preparation) -> Result<Cou
     let noise = Noise::of(&runs);
     noise.say(&mut notes);
     let apart = (pressure_s != NEVER && runs.iter().all(|run| run.readings() == 0)).then_some((current_s, pressure_s));
-    Ok(Course { source, runs, noise, input, input_stated: preparation.input.is_some(), notes, apart })
+    Ok(Course { source, runs, noise, input, input_stated: stated.is_some(), notes, apart })
 }
 
 /// When a channel was recorded, in words.

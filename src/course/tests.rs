@@ -11,7 +11,7 @@ fn course(text: &str) -> Course {
 
 fn of_run(time_s: Vec<f64>, current_a: Vec<f64>, pressure_bar: Vec<f64>, input: Input) -> Course {
     let run = recording::Run { time_s, current_a, pressure_bar: Some(pressure_bar), ..recording::Run::default() };
-    let recording = Recording { source: "x".into(), runs: vec![run], notes: Vec::new() };
+    let recording = Recording { source: "x".into(), runs: vec![run], notes: Vec::new(), input: None };
     Course::take(recording, &Preparation { input: Some(input), ..Preparation::default() }).unwrap()
 }
 

@@ -27,8 +27,8 @@ fn rms_difference(a: &[f64], b: &[f64]) -> f64 {
 
 /// How far two models are apart on a current, in units of the noise; `None` where one of them cannot be simulated.
 fn separation(rivals: (&Valve, &Valve), time_s: &[f64], current_a: &[f64], noise_bar: f64) -> Option<f64> {
-    let first = simulate(rivals.0, Input::Ramp, time_s, current_a).ok()?;
-    let second = simulate(rivals.1, Input::Ramp, time_s, current_a).ok()?;
+    let first = simulate(rivals.0, Input::Held, time_s, current_a).ok()?;
+    let second = simulate(rivals.1, Input::Held, time_s, current_a).ok()?;
     Some(rms_difference(&first, &second) / noise_bar.max(1e-6)).filter(|s| s.is_finite())
 }
 

@@ -112,9 +112,10 @@ impl Good {
             source: names.join(", "),
             runs: recordings.iter().flat_map(|r| r.runs.iter().cloned()).collect(),
             notes: Vec::new(),
+            input: recordings.iter().find_map(|r| r.input),
         };
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
-        let evidence = Evidence::of(Course::of(&all, &Preparation::default())?)?;
+        let evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
         if let Some((mistake, _)) = comparable::mistake(&evidence, valve).map_err(model)? {
             return Err(DiagnoseError::Recording {
                 source_name: all.source,

@@ -71,7 +71,7 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
 /// # Errors
 /// As [`diagnose`]; also where data of the good valve does not belong to the model.
 pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
-    let mut evidence = Evidence::of(Course::of(recording, &Preparation::default())?)?;
+    let mut evidence = Evidence::of(Course::of(recording, &Preparation::for_model(recording, valve))?)?;
     let model_error = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
     let given = Model::base(valve).map_err(model_error)?;
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {

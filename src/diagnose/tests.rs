@@ -47,9 +47,9 @@ fn recording(of: &Valve) -> Recording {
     let (time_s, current_a) = drive();
     let mut random = rand_pcg::Pcg64::seed_from_u64(5);
     let normal = Normal::new(0.0, NOISE_BAR).unwrap();
-    let pressure = simulate(of, Input::Ramp, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
+    let pressure = simulate(of, Input::Held, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
     let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
-    Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![] }
+    Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![], input: None }
 }
 
 fn concealing(id: &str, theta: &[f64]) -> Diagnosed {
@@ -94,7 +94,7 @@ fn the_augmented_model_is_the_one_that_the_diagnosis_speaks_of() {
     let found = concealing("first_order_lag", &[0.06, 1.0]);
     let back = Valve::from_toml(&found.augmented.to_toml(), "augmented").unwrap();
     let (time, current) = drive();
-    let simulated = simulate(&back, Input::Ramp, &time, &current).unwrap();
+    let simulated = simulate(&back, Input::Held, &time, &current).unwrap();
     for (a, b) in simulated.iter().zip(&found.curves.augmented_bar) {
         assert!((a - b).abs() < 1e-9);
     }
@@ -109,7 +109,7 @@ fn the_lag_of_a_process_is_no_physics_that_the_valve_lacks() {
     let mut slow = recording(&valve());
     let run = &mut slow.runs[0];
     run.time_s.iter_mut().for_each(|t| *t *= 100.0);
-    let quiet = simulate(&process, Input::Ramp, &run.time_s, &run.current_a).unwrap();
+    let quiet = simulate(&process, Input::Held, &run.time_s, &run.current_a).unwrap();
     let mut random = rand_pcg::Pcg64::seed_from_u64(6);
     let normal = Normal::new(0.0, NOISE_BAR).unwrap();
     run.pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
@@ -184,9 +184,9 @@ fn another_drive(of: &Valve) -> Recording {
     current_a.reverse();
     let mut random = rand_pcg::Pcg64::seed_from_u64(9);
     let normal = Normal::new(0.0, NOISE_BAR).unwrap();
-    let pressure = simulate(of, Input::Ramp, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
+    let pressure = simulate(of, Input::Held, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
     let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
-    Recording { source: "good.csv".into(), runs: vec![run], notes: vec![] }
+    Recording { source: "good.csv".into(), runs: vec![run], notes: vec![], input: None }
 }
 
 #[test]

@@ -139,6 +139,7 @@ fn recording(dt_s: f64, current_a: Vec<f64>, pressure: Vec<f64>) -> Recording {
         source: "apart.csv".into(),
         runs: vec![Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() }],
         notes: Vec::new(),
+        input: None,
     }
 }
 

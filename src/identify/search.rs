@@ -42,7 +42,8 @@ pub(super) struct Found {
 /// Searches the minimum; the survey learns the covered range.
 ///
 /// Where the model does not reach the noise with what the first fit took the command for, the other is followed to the end
-/// too: a first fit may stand in a wrong minimum, and a wrong input looks like missing physics.
+/// too: a first fit may stand in a wrong minimum, and a wrong input looks like missing physics. What is left there is no noise,
+/// so that no likelihood decides: as with order and form, the model that predicts the samples held out better is taken.
 pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Options, weights: &[f64]) -> Found {
     let mut survey_of_other = survey.clone();
     let found = along(problem, survey, options, weights);
@@ -54,7 +55,11 @@ pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Optio
         Input::Ramp => Input::Held,
     };
     let other = along(problem, &mut survey_of_other, &Options { input: Some(input), ..options.clone() }, weights);
-    if select::gain(problem, &found.fit, &other.fit, weights, survey.noise_bar) <= INPUT_GAIN {
+    let better = match (found.heldout_bar, other.heldout_bar) {
+        (Some(found), Some(other)) => other < found,
+        _ => select::gain(problem, &found.fit, &other.fit, weights, survey.noise_bar) > INPUT_GAIN,
+    };
+    if !better {
         return found;
     }
     *survey = survey_of_other;

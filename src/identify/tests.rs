@@ -60,7 +60,7 @@ fn recorded(valve: &Valve, current_a: Vec<f64>, seed: u64) -> Run {
 }
 
 fn recording(runs: Vec<Run>) -> Recording {
-    Recording { source: "test.csv".into(), runs, notes: Vec::new() }
+    Recording { source: "test.csv".into(), runs, notes: Vec::new(), input: Some(Input::Ramp) }
 }
 
 fn value(found: &Identified, name: &str) -> f64 {

@@ -312,7 +312,7 @@ impl Survey {
             schema: super::MAPPING_SCHEMA.into(),
             map: self.proposals.iter().filter(own).map(|p| (p.channel.to_string(), p.expr.clone())).collect(),
             select: super::SelectFile::default(),
-            read: super::ReadFile { header_row: self.header_row.filter(|row| *row > 1), encoding },
+            read: super::ReadFile { header_row: self.header_row.filter(|row| *row > 1), encoding, input: None },
         }
     }
 }

@@ -40,6 +40,7 @@ pub use table::{Cells, Column, Values};
 pub use write::replace_file;
 
 use crate::units::{self, Unit};
+use crate::valve::Input;
 
 /// The channels that `hil` knows, by the names of the recording format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -120,6 +121,8 @@ pub struct Recording {
     pub runs: Vec<Run>,
     /// What was handled while reading, for instance "3 rows with a repeated time were dropped (first: row 17)".
     pub notes: Vec<String>,
+    /// What the command does between its samples, where that was stated.
+    pub input: Option<Input>,
 }
 
 /// A file format of recordings.
@@ -175,7 +178,8 @@ impl Recording {
             Format::Parquet => parquet::read(path, &file, &reading.map)?,
             Format::Mdf4 => mdf4::read(path, &file, &reading.map)?,
         };
-        clean::recording(rows)?.selected(&reading.select)
+        let selected = clean::recording(rows)?.selected(&reading.select)?;
+        Ok(Self { input: reading.input, ..selected })
     }
 
     /// Reads a recording from text in memory, see [`Recording::read`]; `source` names it in messages.

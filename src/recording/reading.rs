@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{Mapping, Recording, RecordingError, Run};
 use crate::document;
 use crate::units::Time;
+use crate::valve::Input;
 
 /// The schema key of a mapping file.
 pub const MAPPING_SCHEMA: &str = "hil.mapping/1";
@@ -23,6 +24,8 @@ pub struct Reading {
     pub encoding: Option<Encoding>,
     /// What is kept of what was read.
     pub select: Selection,
+    /// What the command does between its samples, where that is known.
+    pub input: Option<Input>,
 }
 
 /// Encodings of a text.
@@ -118,6 +121,9 @@ pub struct ReadFile {
     /// Encoding of the text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub encoding: Option<Encoding>,
+    /// What the command does between its samples: `held` from message to message, or on a straight line (`ramp`).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub input: Option<Input>,
 }
 
 impl Reading {
@@ -140,7 +146,7 @@ impl Reading {
             })?);
         }
         let select = Selection { runs: file.select.run, from_s: file.select.from.map(Time::value), to_s: file.select.to.map(Time::value) };
-        Ok(Self { map, header_row: file.read.header_row, encoding: file.read.encoding, select })
+        Ok(Self { map, header_row: file.read.header_row, encoding: file.read.encoding, select, input: file.read.input })
     }
 
     /// What was typed beside a mapping file goes before what stands in it.
@@ -157,11 +163,31 @@ impl Reading {
         self.select.to_s = self.select.to_s.or(file.select.to_s);
         self.header_row = self.header_row.or(file.header_row);
         self.encoding = self.encoding.or(file.encoding);
+        self.input = self.input.or(file.input);
         self
     }
 }
 
 impl Recording {
+    /// Several recordings of one valve as one: their runs in a row, each named by its recording where it has no name of its own
+    /// or shares it with another.
+    pub fn together(parts: Vec<Self>) -> Self {
+        if parts.len() == 1 {
+            return parts.into_iter().next().unwrap_or_default();
+        }
+        let source = parts.iter().map(|p| p.source.as_str()).collect::<Vec<_>>().join(", ");
+        let input = parts.iter().find_map(|p| p.input);
+        let (mut runs, mut notes) = (Vec::new(), Vec::new());
+        for part in parts {
+            notes.extend(part.notes.iter().map(|note| format!("{}: {note}", part.source)));
+            runs.extend(part.runs.into_iter().map(|run| {
+                let name = run.name.as_ref().map_or_else(|| part.source.clone(), |name| format!("{}/{name}", part.source));
+                Run { name: Some(name), ..run }
+            }));
+        }
+        Self { source, runs, notes, input }
+    }
+
     /// Keeps the runs and the stretch of time that are selected, and notes what that leaves.
     ///
     /// # Errors

@@ -192,7 +192,7 @@ mod tests {
             run.pressure_bar = Some(values.iter().map(|v| v.1).collect());
             run.current_a = values.iter().map(|v| finite(v.0)).collect();
             run.current_a[0] = 0.5;
-            let recording = Recording { source: "r".into(), runs: vec![run], notes: Vec::new() };
+            let recording = Recording { source: "r".into(), runs: vec![run], notes: Vec::new(), input: None };
             for extension in FORMATS {
                 prop_assert_eq!(format!("{:?}", again(&recording, extension, &[]).runs), format!("{:?}", recording.runs));
             }

@@ -32,9 +32,9 @@ pub use stretch::{hyperbola_per_sample, hyperbola_stretches};
 #[serde(rename_all = "snake_case")]
 pub enum Input {
     /// It stands until the next message, as behind every driver that gets its set-point in messages.
+    #[default]
     Held,
     /// It goes on a straight line to the next sample, as a measured or a continuously driven current does.
-    #[default]
     Ramp,
 }
 

@@ -40,7 +40,7 @@ fn recording(start_s: f64) -> Recording {
     let mut pressure = kept(first.pressure_bar.as_ref().unwrap());
     pressure[3000..3050].fill(f64::NAN);
     first = Run { time_s: kept(&first.time_s), current_a: kept(&first.current_a), pressure_bar: Some(pressure), ..first };
-    Recording { source: "law.csv".into(), runs: vec![first, run("b", start_s, 0.02, 2500, 2)], notes: Vec::new() }
+    Recording { source: "law.csv".into(), runs: vec![first, run("b", start_s, 0.02, 2500, 2)], notes: Vec::new(), input: None }
 }
 
 #[test]
@@ -56,6 +56,7 @@ fn all_commands_see_the_same_samples_noise_and_error() {
 
     let options = Options { order: Some(3), hysteresis: HysteresisChoice::None, ..Options::default() };
     let identified = identify(&recording, &options).unwrap();
+    let course = Course::of(&recording, &Preparation::for_model(&recording, &identified.valve)).unwrap();
     let simulated = simulate_course(&identified.valve, &course).unwrap();
     let misfit = course.runs.iter().zip(&simulated).map(|(run, values)| Misfit::of(run, values)).fold(Misfit::default(), Misfit::and);
     let diagnosed = diagnose(&recording, &identified.valve).unwrap();

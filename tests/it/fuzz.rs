@@ -118,7 +118,7 @@ fn recording(extension: &str) {
         pressure_bar: Some((0..200).map(|k| 0.1 * f64::from(k)).collect()),
         ..Run::default()
     });
-    let recording = Recording { source: "seed".into(), runs: runs.to_vec(), notes: Vec::new() };
+    let recording = Recording { source: "seed".into(), runs: runs.to_vec(), notes: Vec::new(), input: None };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("seed.{extension}"));
     recording.write(&path).unwrap();
@@ -265,7 +265,7 @@ fn hostile_files_are_refused_in_bounded_time_and_memory() {
         pressure_bar: Some(vec![1.0; rows]),
         ..Run::default()
     };
-    let bomb = Recording { source: "bomb".into(), runs: vec![run], notes: Vec::new() };
+    let bomb = Recording { source: "bomb".into(), runs: vec![run], notes: Vec::new(), input: None };
     bomb.write(&at("bomb.parquet")).unwrap();
     drop(bomb);
     assert!(refused("bomb.parquet").contains("values in all are read"));

@@ -22,7 +22,7 @@ fn soak(name: &str, timeout: &str, kinds: &str, period_s: f64, wanted: u32) {
     let (mut cycles, mut good, mut runs) = (0, 0, 0);
     while cycles < wanted {
         runs += 1;
-        assert!(runs < 400, "{name}: {cycles} cycles in {runs} runs");
+        assert!(runs < 4000, "{name}: {cycles} cycles in {runs} runs");
         let mut rig = match open(&profile, &endpoint(&emulator), period_s, Options::default()) {
             Ok(rig) => rig,
             // The start talks over the same bad line.
