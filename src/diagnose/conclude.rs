@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::diagnosis::{Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, SCHEMA, Verdict};
+use super::evidence::MIDDLE;
 use super::fit::{Fit, Fitter};
 use super::good::Good;
 use super::heldout::{HeldOut, blocks, held_out, rms};
@@ -178,7 +179,7 @@ impl<'a> Findings<'_, 'a> {
         let mut theta = self.given.calibrated();
         theta[BASE - 1] = self.given.valve.lag_s;
         let mut out = Vec::new();
-        Simulator::new(self.fitter.evidence).pressure(self.given, &theta, &mut out);
+        Simulator::starting_at(self.fitter.evidence, MIDDLE).pressure(self.given, &theta, &mut out);
         out
     }
 

@@ -13,6 +13,9 @@ const SLOW_STEP_S: f64 = 0.25;
 /// A current that moves in fewer samples than this share is one of steps.
 const STEPS: f64 = 0.05;
 
+/// Start between the two curves where nothing is known of it.
+pub const MIDDLE: f64 = 0.5;
+
 /// All that a fit looks at.
 #[derive(Debug, Clone)]
 pub struct Evidence {
@@ -24,6 +27,9 @@ pub struct Evidence {
     pub input: Input,
     /// What was noticed.
     pub notes: Vec<String>,
+    /// Where between its curves the valve stands at first, for each run: 0 ascending, 1 descending; the middle where it is soon
+    /// forgotten.
+    pub start_shares: Vec<f64>,
 }
 
 impl Evidence {
@@ -38,7 +44,9 @@ impl Evidence {
             carries => carries?,
         }
         // What nothing at all disturbs would make every trifle evidence without end.
-        Ok(Self { noise_bar: course.noise.bar.max(LEAST_NOISE_BAR), grids: course.runs, input: course.input, notes: course.notes })
+        let start_shares = vec![MIDDLE; course.runs.len()];
+        let noise_bar = course.noise.bar.max(LEAST_NOISE_BAR);
+        Ok(Self { noise_bar, grids: course.runs, input: course.input, notes: course.notes, start_shares })
     }
 
     /// Whether this channel was recorded and moved, so that an effect that follows it can be told from a constant.

@@ -115,7 +115,7 @@ impl Good {
             input: recordings.iter().find_map(|r| r.input),
         };
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
-        let evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
+        let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
         if let Some((mistake, _)) = comparable::mistake(&evidence, valve).map_err(model)? {
             return Err(DiagnoseError::Recording {
                 source_name: all.source,
@@ -127,8 +127,9 @@ impl Good {
         if slow {
             base = base.of_process(evidence.step_s());
         }
+        let unsettled = start::unsettled(&mut evidence, &base);
         let mut fitter = Fitter::new(&evidence);
-        for k in start::unsettled(&evidence, &base) {
+        for k in unsettled {
             fitter.measured[k] = f64::NAN;
         }
         let mut null = fitter.recalibrate(&base, &[]);

@@ -88,11 +88,12 @@ pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]
         ));
     }
     evidence.notes.extend(valve.warnings());
+    let unsettled = start::unsettled(&mut evidence, &base);
     let mut fitter = Fitter::new(&evidence);
     if let Some(good) = &good {
         fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());
     }
-    for k in start::unsettled(&evidence, &base) {
+    for k in unsettled {
         fitter.measured[k] = f64::NAN;
     }
     // Readings that measure nothing go first, so that they hide nothing else.

@@ -320,8 +320,8 @@ impl<'a> Model<'a> {
 /// Simulates one model again and again on the same evidence; what lies before the first changed stage is kept.
 pub struct Simulator<'e> {
     evidence: &'e Evidence,
-    /// Where between its curves the valve stands at first: 0 ascending, 1 descending.
-    start_share: f64,
+    /// Where between its curves the valve stands at first, the same for every run; otherwise as the evidence has it.
+    start_share: Option<f64>,
     runs: Vec<Kept>,
 }
 
@@ -336,12 +336,12 @@ struct Kept {
 impl<'e> Simulator<'e> {
     /// For this evidence.
     pub fn new(evidence: &'e Evidence) -> Self {
-        Self::starting_at(evidence, 0.5)
+        Self { evidence, start_share: None, runs: evidence.grids.iter().map(|_| Kept::default()).collect() }
     }
 
     /// For this evidence, with the valve between its curves at first: 0 on the ascending one, 1 on the descending.
     pub fn starting_at(evidence: &'e Evidence, start_share: f64) -> Self {
-        Self { evidence, start_share, runs: evidence.grids.iter().map(|_| Kept::default()).collect() }
+        Self { start_share: Some(start_share), ..Self::new(evidence) }
     }
 
     /// Pressure of all runs, one after the other [bar].
@@ -357,11 +357,12 @@ impl<'e> Simulator<'e> {
         }
         let static_key = [theta[0], theta[1], theta[2], theta[3]];
         out.clear();
-        for (grid, kept) in self.evidence.grids.iter().zip(&mut self.runs) {
+        for ((grid, kept), share) in self.evidence.grids.iter().zip(&mut self.runs).zip(&self.evidence.start_shares) {
+            let start_share = self.start_share.unwrap_or(*share);
             let signals = signals(grid);
             if pipeline.parts(grid.dt_s) > 1 {
                 let (mut work, mut pressure) = (Vec::new(), Vec::new());
-                pipeline.run_from(self.start_share, (grid.elapsed_s, grid.dt_s), &signals, &mut work, &mut pressure);
+                pipeline.run_from(start_share, (grid.elapsed_s, grid.dt_s), &signals, &mut work, &mut pressure);
                 grid.at_readings(&mut pressure);
                 out.extend(pressure);
                 continue;
@@ -374,7 +375,7 @@ impl<'e> Simulator<'e> {
             }
             if !same_current || kept.static_key != static_key {
                 kept.static_bar.resize(grid.current_a.len(), 0.0);
-                pipeline.static_curve(self.start_share, &kept.current_a, &mut kept.static_bar);
+                pipeline.static_curve(start_share, &kept.current_a, &mut kept.static_bar);
                 kept.static_key = static_key.to_vec();
             }
             let from = out.len();
