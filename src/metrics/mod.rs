@@ -3,10 +3,15 @@
 //! A metric looks at a [`Segment`]: the samples of one phase, with what came before them (a delayed reference begins
 //! before the phase does). What cannot be measured is [`NotMeasurable`] with a reason, never a number.
 
+mod characteristic;
+mod frequency_response;
+mod line;
 mod loop_width;
 mod model_error;
 mod passes;
 mod pressure;
+mod repeatability;
+mod reversal;
 mod share;
 mod steady;
 mod step;
@@ -16,12 +21,17 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-pub use loop_width::{HysteresisWidth, HysteresisWidthInput, Linearity, Repeatability};
+pub use characteristic::{PressureGain, StartCurrent};
+pub use frequency_response::{BandwidthGain, BandwidthPhase, Response, frequency_response};
+pub use line::{Line, Linearity};
+pub use loop_width::{HysteresisWidth, HysteresisWidthInput};
 pub use model_error::{ModelRmse, ModelRmseAverage};
 pub use pressure::{MaxPressure, MinPressure};
+pub use repeatability::Repeatability;
+pub use reversal::{DeadBand, ReversalError, Threshold};
 pub use share::{FeedForwardShare, FeedbackShare};
 pub use steady::SteadyOffset;
-pub use step::{Overshoot, RiseTime, SettlingTime};
+pub use step::{DeadTime, FallTime, Overshoot, RiseTime, SettlingTime};
 pub use tracking::{MaxError, Rmse, RmseBand};
 
 use crate::units::Unit;
@@ -58,6 +68,8 @@ pub struct Segment<'a> {
     pub repetitions: Vec<Range<usize>>,
     /// Dead time of the valve model, by which the reference is delayed [s].
     pub delay_s: f64,
+    /// Lag of the valve model [s]; behind a slow ramp it is a further delay of its size.
+    pub lag_s: f64,
 }
 
 /// Why a figure has no value.
@@ -98,6 +110,22 @@ pub enum NotMeasurable {
         /// What is needed.
         needed: &'static str,
     },
+    /// The current did not turn, or rest and go on, where that is needed.
+    #[error("the current {wanted} nowhere in the phase")]
+    NoSuchMove {
+        /// What it should have done.
+        wanted: &'static str,
+    },
+    /// The input does not excite the frequencies that are wanted.
+    #[error("the input excites {from_hz:.2} to {to_hz:.2} Hz, and the response does not {wanted} there")]
+    NotReached {
+        /// Lowest excited frequency.
+        from_hz: f64,
+        /// Highest excited frequency.
+        to_hz: f64,
+        /// What was looked for.
+        wanted: &'static str,
+    },
     /// The target never was in the band.
     #[error("the target was never between {low_bar} bar and {high_bar} bar")]
     OutsideBand {
@@ -127,8 +155,41 @@ pub trait Metric {
     fn definition(&self, segment: &Segment<'_>) -> String;
     /// The figure in the canonical unit.
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable>;
+    /// Whether the parameters make sense; the message says what is allowed.
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
+    /// Whether it needs the model's pressure.
+    fn needs_model(&self) -> bool {
+        false
+    }
+    /// Whether it needs a target pressure.
+    fn needs_target(&self) -> bool {
+        false
+    }
 }
 
+/// The enum of all metrics, with the way from each name to its metric.
+macro_rules! metric_list {
+    ($(#[$attribute:meta])* pub enum $name:ident { $($(#[$doc:meta])* $metric:ident($type:ty),)+ }) => {
+        $(#[$attribute])*
+        pub enum $name { $($(#[$doc])* $metric($type),)+ }
+
+        impl $name {
+            /// The metric behind the name.
+            pub fn metric(&self) -> &dyn Metric {
+                match self { $(Self::$metric(m) => m,)+ }
+            }
+        }
+    };
+}
+
+/// An error where a quantity that must be positive is not.
+fn positive(name: &str, value: f64, text: &impl std::fmt::Display) -> Result<(), String> {
+    if value > 0.0 { Ok(()) } else { Err(format!("`{name}` is {text}; it must be positive")) }
+}
+
+metric_list! {
 /// A metric as a plan names it, with its parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -143,6 +204,10 @@ pub enum MetricSpec {
     SteadyOffset(SteadyOffset),
     /// Time from 10 % to 90 % of a step response.
     RiseTime(RiseTime),
+    /// The same of a falling step.
+    FallTime(FallTime),
+    /// Time from a step until the response begins.
+    DeadTime(DeadTime),
     /// Time from a step until the response stays in a band.
     SettlingTime(SettlingTime),
     /// How far a step response exceeds its final value.
@@ -155,6 +220,20 @@ pub enum MetricSpec {
     Linearity(Linearity),
     /// Spread of the pressure between repeated sweeps.
     Repeatability(Repeatability),
+    /// Slope of the characteristic.
+    PressureGain(PressureGain),
+    /// Current at which the pressure begins to rise.
+    StartCurrent(StartCurrent),
+    /// Change of the current after a turn that the pressure does not follow.
+    DeadBand(DeadBand),
+    /// Change of the current after standstill, in the direction before it, that the pressure does not follow.
+    Threshold(Threshold),
+    /// Width of a small loop at a working point.
+    ReversalError(ReversalError),
+    /// Frequency at which the response has fallen by 3 dB.
+    BandwidthGain(BandwidthGain),
+    /// Frequency at which the response lags by 90 deg.
+    BandwidthPhase(BandwidthPhase),
     /// RMSE of the hyperbolic model.
     ModelRmse(ModelRmse),
     /// RMSE of the average model.
@@ -168,61 +247,22 @@ pub enum MetricSpec {
     /// Smallest measured pressure.
     MinPressure(MinPressure),
 }
+}
 
 impl MetricSpec {
-    /// The metric behind the name.
-    pub fn metric(&self) -> &dyn Metric {
-        match self {
-            Self::Rmse(m) => m,
-            Self::RmseBand(m) => m,
-            Self::MaxError(m) => m,
-            Self::SteadyOffset(m) => m,
-            Self::RiseTime(m) => m,
-            Self::SettlingTime(m) => m,
-            Self::Overshoot(m) => m,
-            Self::HysteresisWidth(m) => m,
-            Self::HysteresisWidthInput(m) => m,
-            Self::Linearity(m) => m,
-            Self::Repeatability(m) => m,
-            Self::ModelRmse(m) => m,
-            Self::ModelRmseAverage(m) => m,
-            Self::FeedForwardShare(m) => m,
-            Self::FeedbackShare(m) => m,
-            Self::MaxPressure(m) => m,
-            Self::MinPressure(m) => m,
-        }
-    }
-
     /// Whether the parameters make sense; the message says what is allowed.
     pub fn check(&self) -> Result<(), String> {
-        let positive = |name: &str, value: f64, text: String| match value > 0.0 {
-            true => Ok(()),
-            false => Err(format!("`{name}` is {text}; it must be positive")),
-        };
-        match self {
-            Self::RmseBand(m) if m.from >= m.to => Err(format!("`from` ({}) must lie below `to` ({})", m.from, m.to)),
-            Self::SteadyOffset(m) => positive("window", m.window.value(), m.window.to_string()),
-            Self::SettlingTime(m) => positive("band", m.band.value(), m.band.to_string()),
-            _ => Ok(()),
-        }
+        self.metric().check()
     }
 
     /// Whether the metric needs the model's pressure.
     pub fn needs_model(&self) -> bool {
-        matches!(self, Self::ModelRmse(_) | Self::ModelRmseAverage(_))
+        self.metric().needs_model()
     }
 
     /// Whether the metric needs a target pressure.
     pub fn needs_target(&self) -> bool {
-        matches!(
-            self,
-            Self::Rmse(_)
-                | Self::RmseBand(_)
-                | Self::MaxError(_)
-                | Self::SteadyOffset(_)
-                | Self::FeedForwardShare(_)
-                | Self::FeedbackShare(_)
-        )
+        self.metric().needs_target()
     }
 }
 
@@ -322,8 +362,17 @@ pub(crate) mod tests {
                 range: all.clone(),
                 repetitions: vec![all],
                 delay_s,
+                lag_s: 0.0,
             }
         }
+    }
+
+    /// A number between -1.7 and 1.7 for each time, of variance 1 and without pattern.
+    pub fn scatter(t: f64) -> f64 {
+        let mut x = ((t * 1e4).round() as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        12f64.sqrt() * (((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64 - 0.5)
     }
 
     #[test]

@@ -45,6 +45,9 @@ impl Metric for ModelRmse {
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         compute(segment, segment.signals.model_bar)
     }
+    fn needs_model(&self) -> bool {
+        true
+    }
 }
 
 impl Metric for ModelRmseAverage {
@@ -59,6 +62,9 @@ impl Metric for ModelRmseAverage {
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         compute(segment, segment.signals.average_model_bar)
+    }
+    fn needs_model(&self) -> bool {
+        true
     }
 }
 

@@ -1,4 +1,4 @@
-//! A swept characteristic: full passes of the current up and down, on a common grid.
+//! A swept characteristic: full passes of the current up and down, smoothed onto a common grid.
 
 use super::{NotMeasurable, Segment};
 
@@ -10,48 +10,124 @@ pub struct Passes {
     /// The grid [A].
     pub current_a: Vec<f64>,
     /// Full rising passes.
-    pub rising: Vec<Vec<f64>>,
+    pub rising: Vec<Pass>,
     /// Full falling passes.
-    pub falling: Vec<Vec<f64>>,
+    pub falling: Vec<Pass>,
     /// Largest rate of the current [A/s].
     pub rate_a_per_s: f64,
+}
+
+/// One pass.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pass {
+    /// Pressure on the grid, smoothed [bar].
+    pub pressure_bar: Vec<f64>,
+    /// Variance of the smoothed pressure that the scatter of the samples leaves, mean over the grid [bar^2].
+    pub variance_bar2: f64,
+    /// Mean rate of the current, without its sign [A/s].
+    pub rate_a_per_s: f64,
+    /// Place among all passes in time.
+    pub place: usize,
 }
 
 /// Share of the swept range, at either end, that a full pass may miss; the grid leaves it out.
 const EDGE: f64 = 0.02;
 
-/// The full passes of the segment, each pressure paired with the current of one dead time earlier.
-pub fn passes(segment: &Segment<'_>) -> Result<Passes, NotMeasurable> {
+/// Half-width of the smoothing, as a share of the swept range: a parabola bends as little over it as a characteristic does.
+const SMOOTHED: f64 = 0.03;
+
+/// Sweeps whose rates differ by this factor show what a standing valve would do.
+const TWO_RATES: f64 = 1.5;
+
+/// A sample of a sweep: current [A], pressure [bar], time [s].
+pub type Point = (f64, f64, f64);
+
+/// The samples of the segment, each pressure paired with the current that it answers to: one dead time and one lag earlier, and
+/// behind a lag half a period more, by which a command that is held is late in the mean.
+pub fn paired(segment: &Segment<'_>) -> Result<Vec<Point>, NotMeasurable> {
     let s = &segment.signals;
-    let points: Vec<(f64, f64, f64)> = segment
-        .range
-        .clone()
-        .map(|k| (delayed(s.time_s, s.current_a, k, segment.delay_s), s.pressure_bar[k], s.time_s[k]))
-        .filter(|p| p.0.is_finite() && p.1.is_finite())
-        .collect();
+    let range = &segment.range;
+    let held_s = match (segment.lag_s > 0.0, range.len()) {
+        (true, 2..) => 0.5 * (s.time_s[range.end - 1] - s.time_s[range.start]) / (range.len() - 1) as f64,
+        _ => 0.0,
+    };
+    let late_s = segment.delay_s + segment.lag_s + held_s;
+    let pair = |k: usize| (delayed(s.time_s, s.current_a, k, late_s), s.pressure_bar[k], s.time_s[k]);
+    let points: Vec<Point> = segment.range.clone().map(pair).filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
     super::enough(points.len(), segment.range.len())?;
-    let low = points.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
-    let high = points.iter().map(|p| p.0).fold(f64::NEG_INFINITY, f64::max);
-    let edge = EDGE * (high - low);
-    let current_a: Vec<f64> = (0..GRID).map(|i| low + edge + (high - low - 2.0 * edge) * i as f64 / (GRID - 1) as f64).collect();
-    let rate_a_per_s = points.windows(2).map(|w| ((w[1].0 - w[0].0) / (w[1].2 - w[0].2)).abs()).fold(0.0, f64::max);
-    let mut found = Passes { current_a, rising: Vec::new(), falling: Vec::new(), rate_a_per_s };
+    Ok(points)
+}
+
+/// Splits samples into stretches of rising or falling current; a hold belongs to the stretch before it.
+pub fn stretches(points: &[Point]) -> Vec<(bool, &[Point])> {
+    let mut found = Vec::new();
     let mut start = 0;
-    while start + 1 < points.len() && high > low {
+    while start + 1 < points.len() {
         let rising = points[start + 1].0 > points[start].0;
         let mut end = start + 1;
         while end < points.len() && (points[end].0 == points[end - 1].0 || (points[end].0 > points[end - 1].0) == rising) {
             end += 1;
         }
-        let pass = &points[start..end];
-        let (first, last) = if rising { (pass[0].0, pass[pass.len() - 1].0) } else { (pass[pass.len() - 1].0, pass[0].0) };
-        if first <= low + edge && last >= high - edge {
-            let values = found.current_a.iter().map(|i| interpolate(pass, *i, rising)).collect();
-            if rising { found.rising.push(values) } else { found.falling.push(values) }
-        }
+        found.push((rising, &points[start..end]));
         start = end - 1;
     }
+    found
+}
+
+/// The full passes of the segment.
+pub fn passes(segment: &Segment<'_>) -> Result<Passes, NotMeasurable> {
+    let points = paired(segment)?;
+    // The range that the phase itself commands: its first samples still answer to the phase before.
+    let commanded = || segment.range.clone().map(|k| segment.signals.current_a[k]).filter(|i| i.is_finite());
+    let (low, high) = (commanded().fold(f64::INFINITY, f64::min), commanded().fold(f64::NEG_INFINITY, f64::max));
+    let edge = EDGE * (high - low);
+    let current_a: Vec<f64> = (0..GRID).map(|i| low + edge + (high - low - 2.0 * edge) * i as f64 / (GRID - 1) as f64).collect();
+    let rate_a_per_s = points.windows(2).map(|w| ((w[1].0 - w[0].0) / (w[1].2 - w[0].2)).abs()).fold(0.0, f64::max);
+    let mut found = Passes { current_a, rising: Vec::new(), falling: Vec::new(), rate_a_per_s };
+    if high <= low {
+        return Ok(found);
+    }
+    for (rising, stretch) in stretches(&points) {
+        let (first, last) = if rising { (stretch[0], stretch[stretch.len() - 1]) } else { (stretch[stretch.len() - 1], stretch[0]) };
+        if first.0 <= low + edge && last.0 >= high - edge {
+            let (pressure_bar, variance_bar2) = smoothed(stretch, rising, &found.current_a, SMOOTHED * (high - low));
+            let rate_a_per_s = ((last.0 - first.0) / (last.2 - first.2)).abs();
+            let place = found.rising.len() + found.falling.len();
+            let pass = Pass { pressure_bar, variance_bar2, rate_a_per_s, place };
+            if rising { found.rising.push(pass) } else { found.falling.push(pass) }
+        }
+    }
     Ok(found)
+}
+
+impl Passes {
+    /// The passes of one direction that count: the very first pass starts from an unknown history, and is left out where
+    /// there is another of its direction.
+    pub fn counted(&self, rising: bool) -> Vec<&Pass> {
+        let all = if rising { &self.rising } else { &self.falling };
+        all.iter().filter(|p| p.place > 0 || all.len() == 1).collect()
+    }
+
+    /// Pressure of a direction on the grid: the mean of its passes. Where they run at two rates, what they tend to as the
+    /// rate goes to zero, so that no lag is left, known or not.
+    pub fn curve(&self, rising: bool) -> Vec<f64> {
+        let counted = self.counted(rising);
+        let rates: Vec<f64> = counted.iter().map(|p| p.rate_a_per_s).collect();
+        let (slow, fast) = rates.iter().fold((f64::INFINITY, 0.0f64), |(l, h), r| (l.min(*r), h.max(*r)));
+        let n = counted.len() as f64;
+        let mean_rate = rates.iter().sum::<f64>() / n;
+        let square: f64 = rates.iter().map(|r| (r - mean_rate).powi(2)).sum();
+        (0..self.current_a.len())
+            .map(|i| {
+                let mean = counted.iter().map(|p| p.pressure_bar[i]).sum::<f64>() / n;
+                if fast < TWO_RATES * slow {
+                    return mean;
+                }
+                let slope = counted.iter().map(|p| (p.rate_a_per_s - mean_rate) * p.pressure_bar[i]).sum::<f64>() / square;
+                mean - slope * mean_rate
+            })
+            .collect()
+    }
 }
 
 /// `column` at one `delay_s` before sample `k`, interpolated; the first value before the start.
@@ -67,14 +143,59 @@ fn delayed(time_s: &[f64], column: &[f64], k: usize, delay_s: f64) -> f64 {
     column[i] + (wanted - time_s[i]) / (time_s[i + 1] - time_s[i]) * (column[i + 1] - column[i])
 }
 
-/// The pressure of a monotone pass at the current `at`.
-fn interpolate(pass: &[(f64, f64, f64)], at: f64, rising: bool) -> f64 {
-    let after = pass.partition_point(|p| if rising { p.0 < at } else { p.0 > at }).clamp(1, pass.len() - 1);
-    let (a, b) = (pass[after - 1], pass[after]);
-    if a.0 == b.0 { b.1 } else { a.1 + (at - a.0) / (b.0 - a.0) * (b.1 - a.1) }
+/// The pressure of a monotone stretch on `grid`: at each point a parabola through the samples within `reach_a` (A. Savitzky, M. J.
+/// E. Golay, Analytical Chemistry 36 (1964) 1627), or a straight line where there are few. With the mean variance that the
+/// scatter about the parabolas leaves.
+pub fn smoothed(stretch: &[Point], rising: bool, grid: &[f64], reach_a: f64) -> (Vec<f64>, f64) {
+    let turned: Vec<Point>;
+    let points = if rising {
+        stretch
+    } else {
+        turned = stretch.iter().rev().copied().collect();
+        &turned
+    };
+    let (first, last) = (grid[0], grid[grid.len() - 1]);
+    let mut variance = 0.0;
+    let values = grid
+        .iter()
+        .map(|at| {
+            // What lies beyond the grid has just turned, and answers to another branch.
+            let (from, to) = ((at - reach_a).max(first), (at + reach_a).min(last));
+            let window = &points[points.partition_point(|p| p.0 < from)..points.partition_point(|p| p.0 <= to)];
+            match parabola(window, *at, reach_a) {
+                Some((value, spread)) => {
+                    variance += spread / grid.len() as f64;
+                    value
+                }
+                None => interpolate(points, *at),
+            }
+        })
+        .collect();
+    (values, variance)
 }
 
-/// Mean over passes, point by point.
-pub fn mean(passes: &[Vec<f64>]) -> Vec<f64> {
-    (0..GRID).map(|i| passes.iter().map(|p| p[i]).sum::<f64>() / passes.len() as f64).collect()
+/// Value at `at` of the least-squares parabola through `window`, with its variance; `None` where six samples are not there.
+fn parabola(window: &[Point], at: f64, reach_a: f64) -> Option<(f64, f64)> {
+    if window.len() < 6 {
+        return None;
+    }
+    let mut normal = nalgebra::Matrix3::<f64>::zeros();
+    let mut right = nalgebra::Vector3::<f64>::zeros();
+    let row = |x: f64| nalgebra::Vector3::new(1.0, (x - at) / reach_a, ((x - at) / reach_a).powi(2));
+    for p in window {
+        let v = row(p.0);
+        normal += v * v.transpose();
+        right += v * p.1;
+    }
+    let inverse = normal.try_inverse()?;
+    let found = inverse * right;
+    let rest: f64 = window.iter().map(|p| (p.1 - row(p.0).dot(&found)).powi(2)).sum();
+    Some((found[0], rest / (window.len() - 3) as f64 * inverse[(0, 0)]))
+}
+
+/// The pressure of rising samples at the current `at`.
+fn interpolate(points: &[Point], at: f64) -> f64 {
+    let after = points.partition_point(|p| p.0 < at).clamp(1, points.len() - 1);
+    let (a, b) = (points[after - 1], points[after]);
+    if a.0 == b.0 { b.1 } else { a.1 + (at - a.0) / (b.0 - a.0) * (b.1 - a.1) }
 }

@@ -34,6 +34,9 @@ impl Metric for FeedForwardShare {
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         sums(segment).map(|(forward, back)| forward / (forward + back))
     }
+    fn needs_target(&self) -> bool {
+        true
+    }
 }
 
 impl Metric for FeedbackShare {
@@ -48,6 +51,9 @@ impl Metric for FeedbackShare {
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         sums(segment).map(|(forward, back)| back / (forward + back))
+    }
+    fn needs_target(&self) -> bool {
+        true
     }
 }
 

@@ -57,6 +57,12 @@ impl Metric for SteadyOffset {
         }
         Ok(worst)
     }
+    fn check(&self) -> Result<(), String> {
+        super::positive("window", self.window.value(), &self.window)
+    }
+    fn needs_target(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]

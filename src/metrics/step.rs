@@ -14,10 +14,28 @@ use crate::units::{self, Ratio, Unit};
 /// Time between the first crossing of 10 % and the first crossing of 90 % of the response, interpolated.
 ///
 /// # Source
-/// The usual definition, as in `stepinfo` of MATLAB and python-control.
+/// ISA-51.1, rise time, as in `stepinfo` of MATLAB and python-control.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RiseTime {}
+
+/// Time between the first crossing of 10 % and the first crossing of 90 % of a response to a falling step, interpolated. A
+/// phase whose step rises has none.
+///
+/// # Source
+/// ISO 10770-3, step response: fall time.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FallTime {}
+
+/// Dead time: from the jump of the input until the response begins, where the line through its 10 % and 30 % points meets the
+/// pressure before the jump.
+///
+/// # Source
+/// ISA-51.1, dead time: from the initiation of an input change to the start of the resulting observable response.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DeadTime {}
 
 /// Time from the jump of the input until the response stays in a band around its final value: the last exit from the
 /// band counts, not the first entry. A response that leaves the band in the last tenth of the phase has not settled.
@@ -50,6 +68,8 @@ struct Response {
     points: Vec<(f64, f64)>,
     /// Number of the points that the final value was taken from.
     tail: usize,
+    /// Whether the pressure falls.
+    falls: bool,
 }
 
 /// Smallest response that is timed [bar].
@@ -79,7 +99,7 @@ fn response(segment: &Segment<'_>, range: &Range<usize>) -> Result<Response, Not
         .map(|k| (s.time_s[k] - s.time_s[jump], (s.pressure_bar[k] - before) / (last - before)))
         .collect();
     enough(points.len(), range.end - jump)?;
-    Ok(Response { points, tail })
+    Ok(Response { points, tail, falls: last < before })
 }
 
 fn worst(segment: &Segment<'_>, of: impl Fn(&Response) -> Result<f64, NotMeasurable>) -> Result<f64, NotMeasurable> {
@@ -118,6 +138,43 @@ impl Metric for RiseTime {
     }
 }
 
+impl Metric for FallTime {
+    fn id(&self) -> &'static str {
+        "fall_time"
+    }
+    fn unit(&self) -> &'static Unit {
+        &units::TIME
+    }
+    fn definition(&self, _: &Segment<'_>) -> String {
+        "fall_time.10_90.v1".into()
+    }
+    fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
+        worst(segment, |r| match (crossing(&r.points, 0.1), crossing(&r.points, 0.9)) {
+            _ if !r.falls => Err(NotMeasurable::NotAStep),
+            (Some(first), Some(second)) => Ok(second - first),
+            _ => Err(NotMeasurable::NotSettled),
+        })
+    }
+}
+
+impl Metric for DeadTime {
+    fn id(&self) -> &'static str {
+        "dead_time"
+    }
+    fn unit(&self) -> &'static Unit {
+        &units::TIME
+    }
+    fn definition(&self, _: &Segment<'_>) -> String {
+        "dead_time.tangent_10_30.v1".into()
+    }
+    fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
+        worst(segment, |r| match (crossing(&r.points, 0.1), crossing(&r.points, 0.3)) {
+            (Some(first), Some(second)) => Ok((first - 0.5 * (second - first)).max(0.0)),
+            _ => Err(NotMeasurable::NotSettled),
+        })
+    }
+}
+
 impl Metric for SettlingTime {
     fn id(&self) -> &'static str {
         "settling_time"
@@ -140,6 +197,9 @@ impl Metric for SettlingTime {
             let edge = 1.0 + band * (a.1 - 1.0).signum();
             Ok(a.0 + (edge - a.1) / (b.1 - a.1) * (b.0 - a.0))
         })
+    }
+    fn check(&self) -> Result<(), String> {
+        super::positive("band", self.band.value(), &self.band)
     }
 }
 
@@ -176,6 +236,24 @@ mod tests {
         assert!((RiseTime {}.compute(&segment).unwrap() - 0.2 * 9f64.ln()).abs() < 1e-4);
         assert!((SettlingTime::default().compute(&segment).unwrap() - 0.2 * 20f64.ln()).abs() < 2e-4);
         assert!(Overshoot {}.compute(&segment).unwrap() < 1e-9);
+    }
+
+    #[test]
+    fn dead_time_and_fall_time_of_a_late_lag() {
+        let late = |t: f64| if t < 0.05 { 0.0 } else { 1.0 - (-(t - 0.05) / 0.2).exp() };
+        let columns = step(late);
+        // The tangent of a lag begins 0.02 tau early.
+        let dead = DeadTime {}.compute(&columns.segment(0.0)).unwrap();
+        assert!((dead - (0.05 - 0.0203 * 0.2)).abs() < 1e-3, "{dead}");
+        assert_eq!(FallTime {}.compute(&columns.segment(0.0)), Err(NotMeasurable::NotAStep));
+        let falling = Columns::new(
+            1000,
+            |t| if t < 0.9999 { 10.0 } else { 2.0 },
+            |_| 0.5,
+            move |t| 10.0 - 8.0 * if t < 1.0 { 0.0 } else { late(t - 1.0) },
+        );
+        let fall = FallTime {}.compute(&falling.segment(0.0)).unwrap();
+        assert!((fall - 0.2 * 9f64.ln()).abs() < 1e-3, "{fall}");
     }
 
     #[test]

@@ -60,6 +60,9 @@ impl Metric for Rmse {
         let errors = segment.errors(delay_s(self.delay, segment))?;
         Ok(rms(errors.into_iter().map(|e| e.1)))
     }
+    fn needs_target(&self) -> bool {
+        true
+    }
 }
 
 impl Metric for RmseBand {
@@ -81,6 +84,12 @@ impl Metric for RmseBand {
         }
         Ok(rms(inside.into_iter()))
     }
+    fn check(&self) -> Result<(), String> {
+        if self.from < self.to { Ok(()) } else { Err(format!("`from` ({}) must lie below `to` ({})", self.from, self.to)) }
+    }
+    fn needs_target(&self) -> bool {
+        true
+    }
 }
 
 impl Metric for MaxError {
@@ -96,6 +105,9 @@ impl Metric for MaxError {
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let errors = segment.errors(delay_s(self.delay, segment))?;
         Ok(errors.into_iter().map(|e| e.1.abs()).fold(0.0, f64::max))
+    }
+    fn needs_target(&self) -> bool {
+        true
     }
 }
 

@@ -29,7 +29,7 @@ impl Columns {
     }
 
     /// The segment of a phase.
-    pub fn segment<'a>(&'a self, trace: &'a Trace, range: Range<usize>, repetitions: Vec<Range<usize>>, delay_s: f64) -> Segment<'a> {
+    pub fn segment<'a>(&'a self, trace: &'a Trace, range: Range<usize>, repetitions: Vec<Range<usize>>, model: &Valve) -> Segment<'a> {
         Segment {
             signals: Signals {
                 time_s: &trace.time_s,
@@ -43,7 +43,8 @@ impl Columns {
             },
             range,
             repetitions,
-            delay_s,
+            delay_s: model.delay_s,
+            lag_s: model.lag_s,
         }
     }
 }

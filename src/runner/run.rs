@@ -157,7 +157,7 @@ fn judge(plan: &Plan, options: &RunOptions<'_>, trace: &Trace, phase: &Phase, sa
 }
 
 fn judge_with(columns: &Columns, options: &RunOptions<'_>, trace: &Trace, phase: &Phase, samples: &Ran, record: &mut PhaseRecord) {
-    let segment = columns.segment(trace, samples.range.clone(), samples.repetitions.clone(), options.model.delay_s);
+    let segment = columns.segment(trace, samples.range.clone(), samples.repetitions.clone(), options.model);
     record.measurements = phase.measures.iter().map(|m| measured(m, &segment)).collect();
     let judged = record.measurements.iter().filter(|m| m.limit.is_some()).map(|m| m.outcome);
     record.outcome = judged.max().unwrap_or(Outcome::NotRun);

@@ -1,0 +1,95 @@
+//! Slope and start of the characteristic.
+
+use serde::{Deserialize, Serialize};
+
+use super::line::least_squares;
+use super::loop_width::{both_ways, definition};
+use super::{Metric, NotMeasurable, Segment};
+use crate::units::{self, Unit};
+
+/// Pressure gain: slope of the least-squares line through the mean of the rising and the falling characteristic, between 10 % and
+/// 90 % of its span of pressure.
+///
+/// # Source
+/// ISO 10770-3, controlled pressure against input signal.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PressureGain {}
+
+/// Start of the characteristic, the dead band at zero: the current at which the pressure, carried on in a straight line from
+/// where the rising characteristic is at 5 % and 10 % of its span, leaves its lowest value.
+///
+/// # Source
+/// ISO 10770-3, dead band: the input below which the pressure does not change.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StartCurrent {}
+
+impl Metric for PressureGain {
+    fn id(&self) -> &'static str {
+        "pressure_gain"
+    }
+    fn unit(&self) -> &'static Unit {
+        &units::PRESSURE_PER_CURRENT
+    }
+    fn definition(&self, segment: &Segment<'_>) -> String {
+        definition("pressure_gain.least_squares_10_90.v1", segment, None)
+    }
+    fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
+        let found = both_ways(segment)?;
+        let (up, down) = (found.curve(true), found.curve(false));
+        let middle: Vec<f64> = up.iter().zip(&down).map(|(a, b)| 0.5 * (a + b)).collect();
+        let (low, high) = span(&middle)?;
+        let share = |p: f64| (p - low) / (high - low);
+        let (x, y): (Vec<f64>, Vec<f64>) = found.current_a.iter().zip(&middle).filter(|(_, p)| (0.1..=0.9).contains(&share(**p))).unzip();
+        match x.len() {
+            0..3 => Err(NotMeasurable::NoResponse { moved_bar: high - low }),
+            _ => Ok(least_squares(&x, &y).0),
+        }
+    }
+}
+
+impl Metric for StartCurrent {
+    fn id(&self) -> &'static str {
+        "start_current"
+    }
+    fn unit(&self) -> &'static Unit {
+        &units::CURRENT
+    }
+    fn definition(&self, segment: &Segment<'_>) -> String {
+        definition("start_current.tangent_5_10.v1", segment, None)
+    }
+    fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
+        let found = both_ways(segment)?;
+        let up = found.curve(true);
+        let (low, high) = span(&up)?;
+        let at = |share: f64| {
+            let wanted = low + share * (high - low);
+            let k = up.iter().position(|p| *p >= wanted).unwrap_or(up.len() - 1).max(1);
+            let (x, y) = (&found.current_a, &up);
+            x[k - 1] + (wanted - y[k - 1]) / (y[k] - y[k - 1]) * (x[k] - x[k - 1])
+        };
+        Ok((2.0 * at(0.05) - at(0.10)).max(found.current_a[0]))
+    }
+}
+
+fn span(curve: &[f64]) -> Result<(f64, f64), NotMeasurable> {
+    let (low, high) = curve.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+    if high > low { Ok((low, high)) } else { Err(NotMeasurable::NoResponse { moved_bar: 0.0 }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::loop_width::tests::triangle;
+    use super::super::tests::{Columns, scatter};
+    use super::*;
+
+    #[test]
+    fn a_line_behind_a_dead_band_has_its_slope_and_its_start() {
+        let columns = Columns::new(12001, |_| f64::NAN, triangle, |t| (30.0 * (triangle(t) - 0.25)).max(0.0) + 0.02 * scatter(t));
+        let segment = columns.segment(0.0);
+        let (gain, start) = (PressureGain {}.compute(&segment).unwrap(), StartCurrent {}.compute(&segment).unwrap());
+        assert!((gain - 30.0).abs() < 0.02, "{gain}");
+        assert!((start - 0.25).abs() < 2e-3, "{start}");
+    }
+}
