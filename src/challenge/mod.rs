@@ -9,6 +9,7 @@
 //! The seed draws a specimen and what is wrong with it, the recordings are written, and the truth goes into a
 //! sealed file whose digest is known before anybody diagnoses anything. `docs/proof.md` explains it to a sceptic.
 
+mod bench;
 mod broken;
 mod chamber;
 mod curve;
@@ -35,6 +36,7 @@ mod table;
 mod trial;
 mod unknown;
 
+pub use bench::Bench;
 pub use broken::{BROKEN, Broken, break_record};
 pub use draw::{Case, Concealed, Grade, Range, UNKNOWN, draw_healthy, draw_series, placed};
 pub use excitation::Drive;

@@ -327,6 +327,11 @@ impl Plant {
         &self.planted
     }
 
+    /// The pressure of a healthy valve, without the sensor [bar].
+    pub(super) fn true_bar(&self) -> f64 {
+        self.settled_bar.max(0.0)
+    }
+
     /// Holds a command for one period and returns the sample at its end [bar].
     pub(super) fn period(&mut self, command_a: f64) -> f64 {
         let mut seen = 0.0;

@@ -1,6 +1,6 @@
-//! `hil tune`: gains for a largest sensitivity over the whole delay range, and what they gain on a plan.
+//! `hil tune`: gains for a largest sensitivity over the whole delay range, beside textbook rules, and what they gain on a plan.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -8,8 +8,9 @@ use serde::Serialize;
 use super::margins::{TextOrJson, time_range};
 use super::run::believed;
 use super::{CliError, CliResult, exit, files};
+use crate::control::rules::{RULES, TextbookRule};
 use crate::control::stability::{Margins, margins};
-use crate::control::tune::{TuningTask, tune};
+use crate::control::tune::{TuningTask, left, tune};
 use crate::control::{Gains, linear_loop};
 use crate::plan::Plan;
 use crate::record::{Dut, TestRecord};
@@ -23,8 +24,17 @@ use crate::valve::Valve;
 #[derive(Debug, Args)]
 pub struct TuneArgs {
     /// Valve model that the controller believes in.
-    #[arg(long, value_name = "VALVE")]
-    model: String,
+    #[arg(long, value_name = "VALVE", required_unless_present = "page")]
+    model: Option<String>,
+    /// Whose gains are proposed: `hil`, or a textbook rule at the same sensitivity.
+    #[arg(long, value_enum, default_value_t)]
+    rule: Rule,
+    /// Print docs/control.md instead: what each step of the controller is worth, on valves of the challenge.
+    #[arg(long, hide = true)]
+    page: bool,
+    /// Number of valves of the page.
+    #[arg(long, hide = true, default_value_t = super::control_page::VALVES)]
+    valves: u64,
     /// Largest sensitivity anywhere in the delay range, exact and sampled; 1.2 (cautious) to 2 (bold).
     #[arg(long, value_name = "M", default_value_t = 1.4)]
     max_sensitivity: f64,
@@ -45,6 +55,43 @@ pub struct TuneArgs {
     format: TextOrJson,
 }
 
+/// Whose gains are proposed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Rule {
+    /// Those that leave the least of a disturbance.
+    #[default]
+    Hil,
+    /// Skogestad's.
+    Simc,
+    /// Astrom and Hagglund's.
+    Amigo,
+    /// Lambda tuning.
+    Lambda,
+}
+
+impl Rule {
+    fn textbook(self) -> Option<TextbookRule> {
+        match self {
+            Self::Hil => None,
+            Self::Simc => Some(TextbookRule::Simc),
+            Self::Amigo => Some(TextbookRule::Amigo),
+            Self::Lambda => Some(TextbookRule::Lambda),
+        }
+    }
+}
+
+/// Gains of a rule at the sensitivity that was asked for.
+#[derive(Debug, Serialize)]
+struct RuleRow {
+    rule: String,
+    kp_ma_per_bar: f64,
+    ki_ma_per_bar_s: f64,
+    /// What the loop leaves of a disturbance that rises within 0.3 s: its RMS over 3 s, as a share of the disturbance.
+    left: f64,
+    /// Over that of the proposed gains.
+    against_proposed: f64,
+}
+
 /// What the command prints as JSON.
 #[derive(Debug, Serialize)]
 struct Tuning {
@@ -57,6 +104,7 @@ struct Tuning {
     plan: String,
     valve: String,
     comparison: Vec<Comparison>,
+    rules: Vec<RuleRow>,
 }
 
 /// One figure of the plan with the paper's gains and with the proposed ones.
@@ -74,7 +122,11 @@ pub fn run(args: &TuneArgs) -> CliResult {
     if !(args.max_sensitivity > 1.0 && args.max_sensitivity <= 10.0) {
         return Err(CliError::usage(format!("--max-sensitivity {}: more than 1 and at most 10 is allowed", args.max_sensitivity)));
     }
-    let (model, _) = files::valve(&args.model)?;
+    if args.page {
+        super::print(&super::control_page::page(args.plan.parent().unwrap_or(Path::new("plans")), args.valves)?)?;
+        return Ok(exit::DONE);
+    }
+    let (model, _) = files::valve(args.model.as_deref().unwrap_or_default())?;
     let mut plan = files::plan(&args.plan, &[])?;
     let valve = match (&args.valve, &plan.valve) {
         (None, None) => model.clone(),
@@ -84,7 +136,8 @@ pub fn run(args: &TuneArgs) -> CliResult {
     let delay_range_s = args.delay_range.unwrap_or(found.delay_range_s);
     let rate_hz = 1.0 / plan.period_s;
     let task = TuningTask { plant: found.plant, delay_range_s, max_sensitivity: args.max_sensitivity, rate_hz };
-    let Some(gains) = tune(&task) else {
+    let proposed = args.rule.textbook().map_or_else(|| tune(&task), |rule| rule.tuned(&task));
+    let Some(gains) = proposed else {
         return Err(CliError::input(format!("no gains keep the sensitivity of `{}` within {}", model.name, args.max_sensitivity)));
     };
     // As they would be typed into a plan: three digits, downwards.
@@ -107,12 +160,27 @@ pub fn run(args: &TuneArgs) -> CliResult {
         plan: plan.name.clone(),
         valve: valve.name.clone(),
         comparison,
+        rules: rules(&task, gains),
     };
     super::print(&match args.format {
         TextOrJson::Json => super::to_json(&tuning)?,
         TextOrJson::Text => table(&tuning, &model),
     })?;
     Ok(exit::DONE)
+}
+
+/// Every rule beside the proposed gains, all at the task's sensitivity.
+fn rules(task: &TuningTask, proposed: Gains) -> Vec<RuleRow> {
+    let base = left(task, proposed);
+    let row = |rule: &str, gains: Gains| RuleRow {
+        rule: rule.into(),
+        kp_ma_per_bar: clean(gains.kp_ma_per_bar),
+        ki_ma_per_bar_s: clean(gains.ki_ma_per_bar_s),
+        left: clean(left(task, gains).sqrt()),
+        against_proposed: clean((left(task, gains) / base).sqrt()),
+    };
+    let of_rules = RULES.iter().filter_map(|r| r.tuned(task).map(|g| row(r.name(), g)));
+    std::iter::once(row("proposed", proposed)).chain(of_rules).collect()
 }
 
 /// Without the dust of the decimal rounding.
@@ -165,6 +233,18 @@ fn table(tuning: &Tuning, model: &Valve) -> String {
     line("K_P [mA/bar]", of(&tuning.paper).kp_ma_per_bar.to_string(), tuning.kp_ma_per_bar.to_string());
     line("K_I [mA/(bar s)]", of(&tuning.paper).ki_ma_per_bar_s.to_string(), tuning.ki_ma_per_bar_s.to_string());
     line("worst sensitivity", worst(&tuning.paper), worst(&tuning.margins));
+    text += &format!("\n{:<24}{:>14}{:>18}{:>14}{:>10}\n", "at this sensitivity", "K_P [mA/bar]", "K_I [mA/(bar s)]", "left", "against");
+    for r in &tuning.rules {
+        text += &format!(
+            "{:<24}{:>14.3}{:>18.2}{:>12.2} %{:>10.3}\n",
+            r.rule,
+            r.kp_ma_per_bar,
+            r.ki_ma_per_bar_s,
+            100.0 * r.left,
+            r.against_proposed
+        );
+    }
+    text += "left: RMS over 3 s of what the loop leaves of a disturbance of the pressure that rises in 0.3 s\n";
     text += &format!("\nplan `{}` on the simulated valve `{}`\n\n{:<46}{:>14}{:>14}\n", tuning.plan, tuning.valve, "", "paper", "proposed");
     for c in &tuning.comparison {
         let print = |v: Option<f64>| match (v, Unit::by_symbol(&c.unit)) {

@@ -13,6 +13,9 @@ pub enum FeedForwardModel {
     Hyperbolic,
     /// The mean of the two curves, Eq. (10): what production controllers use.
     Average,
+    /// The hyperbolic model, and everything else that the valve file knows and a feed-forward can undo: lag, gain and zero, heating,
+    /// leakage, creep, drift. What is left out: dead time, chance, the sensor.
+    Model,
 }
 
 /// The inverse model with its memory.
@@ -28,7 +31,7 @@ impl FeedForward {
     /// The inverse of `model`, its memory at `current_a` and the pressure that the average curve gives there.
     pub fn new(model: FeedForwardModel, valve: &Valve, current_a: f64) -> Self {
         let inverse = match model {
-            FeedForwardModel::Hyperbolic => valve.hysteresis.inverse(&valve.curves, current_a),
+            FeedForwardModel::Hyperbolic | FeedForwardModel::Model => valve.hysteresis.inverse(&valve.curves, current_a),
             FeedForwardModel::Average => None,
         };
         Self { curves: valve.curves.clone(), inverse, limits_a: valve.current_limits_a }
@@ -41,9 +44,10 @@ impl FeedForward {
         }
     }
 
-    /// The current for `target_bar`, within the current limits [A].
-    pub fn current_for(&mut self, target_bar: f64) -> f64 {
-        let (low, high) = self.limits_a;
+    /// The current for `target_bar`, within `range_a` [A]. The memory moves along with the current that is given, whether that reaches
+    /// the pressure or not.
+    pub fn current_for(&mut self, target_bar: f64, range_a: (f64, f64)) -> f64 {
+        let (low, high) = range_a;
         let Some(inverse) = &mut self.inverse else {
             return self.curves.average_current(target_bar).clamp(low, high);
         };
@@ -56,6 +60,17 @@ impl FeedForward {
             inverse.follow(&self.curves, given);
         }
         given
+    }
+
+    /// The static pressure at which the memory stands; `current_a` is the current that was given last [bar].
+    pub fn pressure_bar(&self, current_a: f64) -> f64 {
+        self.inverse.as_ref().map_or_else(|| self.curves.average_at(current_a), HysteresisInverse::pressure_bar)
+    }
+
+    /// Slope of the average curve where it has `pressure_bar` [bar/A].
+    pub fn slope_bar_per_a(&self, pressure_bar: f64) -> f64 {
+        let current_a = self.curves.average_current(pressure_bar).clamp(self.limits_a.0, self.limits_a.1);
+        (0.5 * (self.curves.ascending.slope(current_a) + self.curves.descending.slope(current_a))).max(0.0)
     }
 }
 
@@ -73,7 +88,7 @@ mod tests {
         let mut feed_forward = FeedForward::new(FeedForwardModel::Hyperbolic, &valve, 0.3);
         for k in 0..500 {
             let target = 15.0 + 10.0 * (k as f64 * 0.05).sin();
-            let pressure = forward.advance(&valve.curves, feed_forward.current_for(target));
+            let pressure = forward.advance(&valve.curves, feed_forward.current_for(target, valve.current_limits_a));
             assert!((pressure - target).abs() < 1e-7, "{k}: {pressure} against {target}");
         }
     }
@@ -83,10 +98,10 @@ mod tests {
         let valve = valve();
         for model in [FeedForwardModel::Hyperbolic, FeedForwardModel::Average] {
             let mut feed_forward = FeedForward::new(model, &valve, 0.3);
-            assert_eq!(feed_forward.current_for(1000.0), valve.current_limits_a.1);
-            assert_eq!(feed_forward.current_for(-1000.0), valve.current_limits_a.0);
+            assert_eq!(feed_forward.current_for(1000.0, valve.current_limits_a), valve.current_limits_a.1);
+            assert_eq!(feed_forward.current_for(-1000.0, valve.current_limits_a), valve.current_limits_a.0);
             // And it recovers from there.
-            let current = feed_forward.current_for(15.0);
+            let current = feed_forward.current_for(15.0, valve.current_limits_a);
             assert!((valve.curves.average_current(15.0) - current).abs() < 0.05, "{current}");
         }
     }

@@ -1,13 +1,16 @@
 //! Feed-forward, PI, the controller, and the stability of the loop that it closes.
 
 mod controller;
+mod expectation;
 mod feed_forward;
 mod linear;
 mod pi;
+pub mod rules;
+mod significance;
 pub mod stability;
 pub mod tune;
 
-pub use controller::{Command, Controller, ControllerSettings, Mode, Reference};
+pub use controller::{Addition, Command, Controller, ControllerSettings, Mode, Reference};
 pub use feed_forward::{FeedForward, FeedForwardModel};
 pub use linear::{LinearLoop, linear_loop};
 pub use pi::Pi;

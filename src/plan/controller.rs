@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::error::Wrong;
-use crate::control::{ControllerSettings, FeedForwardModel, Gains, Mode, Reference};
+use crate::control::{Addition, ControllerSettings, FeedForwardModel, Gains, Mode, Reference};
 use crate::units::{CurrentRate, IntegralGain, Pressure, ProportionalGain};
 
 /// Controller settings; in a phase, only what differs from the plan's.
@@ -30,6 +30,9 @@ pub struct ControllerFile {
     /// What the feedback compares with: the target `delayed` by the model's dead time and lag (default), or the
     /// `direct` one.
     pub reference: Option<Reference>,
+    /// Where the feedback is added: to the `pressure` that is wanted (default), or to the `current` of the feed-forward, as in the
+    /// paper.
+    pub addition: Option<Addition>,
 }
 
 impl ControllerFile {
@@ -42,6 +45,7 @@ impl ControllerFile {
             threshold_bar: 6.0,
             slew_a_per_s: f64::INFINITY,
             reference: Reference::Delayed,
+            addition: Addition::Pressure,
             period_s,
         }
     }
@@ -52,6 +56,7 @@ impl ControllerFile {
         settings.mode = self.mode.unwrap_or(base.mode);
         settings.feed_forward = self.feed_forward.unwrap_or(base.feed_forward);
         settings.reference = self.reference.unwrap_or(base.reference);
+        settings.addition = self.addition.unwrap_or(base.addition);
         settings.threshold_bar = self.threshold.map_or(base.threshold_bar, Pressure::value);
         if let Some(kp) = &self.kp {
             settings.gains.kp_ma_per_bar = not_negative(kp, ProportionalGain::value)?;

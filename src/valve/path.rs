@@ -132,6 +132,14 @@ impl HysteresisInverse {
             }
         }
     }
+
+    /// The static pressure at which the memory stands [bar].
+    pub fn pressure_bar(&self) -> f64 {
+        match self {
+            Self::Hyperbolic(state) => state.pressure_bar(),
+            Self::Free(state) => state.pressure_bar(),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod home;
 mod identify;
 mod last_word;
 mod logs;
+mod margins_law;
 mod outputs;
 mod paper;
 mod peers;

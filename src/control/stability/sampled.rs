@@ -49,6 +49,21 @@ impl SampledLoop {
         schur((0..length).map(|i| at(&self.numerator, i) + at(&self.denominator, i)).collect())
     }
 
+    /// What the closed loop leaves of a disturbance of the pressure, sample by sample.
+    pub fn left_of(&self, disturbance: &[f64]) -> Vec<f64> {
+        let length = self.numerator.len().max(self.denominator.len());
+        let at = |p: &[f64], i: usize| p.get(i).copied().unwrap_or(0.0);
+        // The sensitivity 1/(1 + N/D) = D/(D + N) as a difference equation.
+        let closed: Vec<f64> = (0..length).map(|i| at(&self.numerator, i) + at(&self.denominator, i)).collect();
+        let mut left: Vec<f64> = Vec::with_capacity(disturbance.len());
+        for k in 0..disturbance.len() {
+            let driven: f64 = (0..self.denominator.len().min(k + 1)).map(|i| self.denominator[i] * disturbance[k - i]).sum();
+            let kept: f64 = (1..length.min(k + 1)).map(|i| closed[i] * left[k - i]).sum();
+            left.push((driven - kept) / closed[0]);
+        }
+        left
+    }
+
     /// The margins at the sampling instants.
     pub fn margins(&self) -> FrequencyMargins {
         let stable = self.stable();
@@ -242,6 +257,14 @@ mod tests {
             let truth = if elapsed > 0.0 { 1.0 - (-elapsed / 0.013).exp() } else { 0.0 };
             assert!((out[n] - truth).abs() < 1e-12, "sample {n}: {} against {truth}", out[n]);
         }
+    }
+
+    #[test]
+    fn integral_action_takes_a_disturbance_away_and_before_the_dead_time_nothing_happens() {
+        let left = SampledLoop::new(&PAPER, Gains { kp_ma_per_bar: 3.0, ki_ma_per_bar_s: 100.0 }, 100.0).left_of(&[1.0; 400]);
+        // 40 ms and one period of computation: the first correction is seen in the sixth sample after.
+        assert!(left[..6].iter().all(|e| (e - 1.0).abs() < 1e-12) && left[6] < 1.0, "{:?}", &left[..8]);
+        assert!(left[399].abs() < 1e-3, "{}", left[399]);
     }
 
     proptest! {
