@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Rooms that hold the terms of the trade; the effects of `physics` carry their own pages.
-const ROOMS: [&str; 7] = ["metrics", "control", "valve", "plan", "limits.rs", "record", "identify"];
+const ROOMS: [&str; 8] = ["metrics", "control", "valve", "plan", "limits.rs", "record", "identify", "batch"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo:rerun-if-changed=src");

@@ -237,6 +237,6 @@ impl Rig for ChallengeRig {
     }
 
     fn make_safe(&mut self) -> Result<SafeState, RigError> {
-        Ok(SafeState { confirmed: true, evidence: "simulated".into() })
+        Ok(SafeState::of(true, "simulated"))
     }
 }

@@ -20,11 +20,24 @@ const MOST: usize = 6;
 pub struct ExplainArgs {
     /// A metric, an effect, a margin, a key of a plan or of a valve file; all that can be asked for where it is left out
     term: Option<String>,
+    /// Print docs/metrics.md instead
+    #[arg(long, hide = true)]
+    page: bool,
+    /// Runs of each shipped plan on the page; 0 leaves the verdicts out
+    #[arg(long, hide = true, default_value_t = 0)]
+    seeds: u64,
+    /// Folder of the shipped plans
+    #[arg(long, hide = true, default_value = "plans")]
+    plans: std::path::PathBuf,
 }
 
 /// Prints the explanation.
 pub fn run(args: &ExplainArgs) -> CliResult {
     let all: Vec<Entry> = SOURCES.iter().flat_map(|(file, text)| entries(file, text)).collect();
+    if args.page {
+        super::print(&super::metrics_page::page(&args.plans, args.seeds, &metrics(&all))?)?;
+        return Ok(exit::DONE);
+    }
     let text = match &args.term {
         None => overview(&all),
         Some(term) => explain(&all, term).map_err(CliError::usage)?,
@@ -33,14 +46,26 @@ pub fn run(args: &ExplainArgs) -> CliResult {
     Ok(exit::DONE)
 }
 
+/// Every metric with its definition and its source, one paragraph each.
+fn metrics(all: &[Entry]) -> Vec<(String, String)> {
+    let names = all.iter().filter(|e| e.parent.as_deref() == Some("MetricSpec")).map(|e| e.name.clone());
+    names
+        .filter_map(|name| {
+            let found = all.iter().find(|e| e.name == name && e.kind == "struct" && e.file.starts_with("metrics"))?;
+            Some((name, found.doc.replace("Source:\n", "*Source:* ").replace("\n\n", " ")))
+        })
+        .collect()
+}
+
 /// The rooms in the order in which an answer is wanted, with the heading of the overview.
-const ROOMS: [(&str, &str); 6] = [
+const ROOMS: [(&str, &str); 7] = [
     ("metrics", "Metrics"),
     ("control", "Control and stability"),
     ("plan", "Plans"),
     ("limits", "Limits"),
     ("valve", "Valve models"),
     ("identify", "Identification"),
+    ("batch", "Batches and measuring systems"),
 ];
 
 fn rank(entry: &Entry) -> usize {
@@ -239,6 +264,17 @@ mod tests {
                 assert!(line.chars().count() <= COLUMNS, "{line}");
             }
         }
+    }
+
+    /// Every heading and every abbreviation of a batch page and of a gauge study.
+    #[test]
+    fn the_words_of_the_pages_are_known() {
+        let words = "Cp Cpk Pp Ppk GRR normality sample histogram control_chart moving_range outliers drift pareto proportion wilson first_pass \
+            final_yield rule distribution q_ms q_mp repeatability distinct_categories decision_rule guard_band";
+        for word in words.split_whitespace() {
+            assert!(explain(&all(), word).is_ok(), "{word}");
+        }
+        assert!(explain(&all(), "Ppk").unwrap().contains("ISO 22514-2"));
     }
 
     #[test]

@@ -1,0 +1,256 @@
+//! The physics of the clutches of Table 1: a search over plausible causes for the paper's six figures.
+//!
+//! Causes that both clutches share (they are on one bench, with one oil): more noise and ripple than the model has, more dead
+//! time, more lag. Causes that each has of its own: gain and zero of its curve. Every set of at most so many parameters is
+//! fitted to the six figures by Gauss and Newton's steps with Levenberg's damping; the triangles of Fig. 5 and the ramps of
+//! Fig. 7, which the fit does not see, judge it.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::CliError;
+use super::run::believed;
+use crate::plan::Plan;
+use crate::record::{Dut, TestRecord};
+use crate::rig::RigIdentity;
+use crate::rig::simulated::SimulatedRig;
+use crate::runner::{Prepared, RunOptions, run};
+use crate::valve::{EffectSpec, Valve};
+
+/// Table 1 of the paper: RMSE of the whole drive with feed-forward only, with K_P 1 and K_I 5, with K_P 1 and K_I 10, of clutch 1 and 2
+/// [bar].
+pub const TABLE_1: [[f64; 3]; 2] = [[0.413, 0.352, 0.312], [0.487, 0.362, 0.345]];
+/// Something that may differ between the model that the controller believes in and the clutches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// Standard deviation of noise and ripple [bar]; shared.
+    Noise,
+    /// Dead time beyond the model's [s]; shared.
+    Delay,
+    /// A further first-order lag [s]; shared.
+    Lag,
+    /// Offset of both curves [bar]; shared.
+    Offset,
+    /// Relative gain of the curve of each clutch.
+    Gains,
+    /// Offset of the curve of each clutch [bar].
+    Offsets,
+}
+
+const CAUSES: [Cause; 6] = [Cause::Noise, Cause::Delay, Cause::Lag, Cause::Offset, Cause::Gains, Cause::Offsets];
+
+impl Cause {
+    /// Name in the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Noise => "noise",
+            Self::Delay => "dead time",
+            Self::Lag => "lag",
+            Self::Offset => "zero, shared",
+            Self::Gains => "gains",
+            Self::Offsets => "zeros",
+        }
+    }
+
+    /// Number of parameters.
+    pub fn parameters(self) -> usize {
+        if matches!(self, Self::Gains | Self::Offsets) { 2 } else { 1 }
+    }
+
+    /// Where the search begins, and what counts as a step of its parameter.
+    fn start(self) -> (f64, f64) {
+        match self {
+            Self::Noise => (0.15, 0.02),
+            Self::Delay | Self::Lag => (0.02, 0.003),
+            Self::Offset | Self::Offsets => (-0.3, 0.05),
+            Self::Gains => (0.03, 0.005),
+        }
+    }
+
+    /// Largest and smallest value that is plausible.
+    fn range(self) -> (f64, f64) {
+        match self {
+            Self::Noise => (0.0, 0.5),
+            Self::Delay | Self::Lag => (0.0, 0.06),
+            Self::Offset | Self::Offsets => (-2.0, 2.0),
+            Self::Gains => (-0.15, 0.15),
+        }
+    }
+}
+
+/// One set of causes with its fit.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The causes.
+    pub causes: Vec<Cause>,
+    /// Their values, in the order of the causes; two each for gains and zeros.
+    pub values: Vec<f64>,
+    /// The six figures [bar].
+    pub figures: [[f64; 3]; 2],
+    /// Largest miss [bar].
+    pub worst_bar: f64,
+}
+
+impl Fit {
+    /// Number of parameters.
+    pub fn parameters(&self) -> usize {
+        self.values.len()
+    }
+}
+
+/// What all evaluations share.
+pub struct Search {
+    plan: Plan,
+    valve: Valve,
+    model: Valve,
+    prepared: Prepared,
+}
+
+/// The valve of clutch 0 or 1 with these causes.
+pub fn clutch(base: &Valve, causes: &[Cause], values: &[f64], which: usize) -> Valve {
+    let mut valve = Valve { name: format!("clutch-{}", which + 1), ..base.clone() };
+    let (mut gain, mut offset, mut k) = (0.0, 0.0, 0);
+    let effect = |id: &str, name: &str, text: String| EffectSpec { id: id.into(), parameters: vec![(name.into(), text)] };
+    for cause in causes {
+        let value = values[k + if cause.parameters() == 2 { which } else { 0 }];
+        k += cause.parameters();
+        match cause {
+            Cause::Noise => valve.noise_bar = value,
+            Cause::Delay => valve.effects.push(effect("transport_delay", "extra", format!("{value} s"))),
+            Cause::Lag => valve.effects.push(effect("first_order_lag", "tau", format!("{} s", value.max(1e-4)))),
+            Cause::Offset | Cause::Offsets => offset = value,
+            Cause::Gains => gain = value,
+        }
+    }
+    if gain != 0.0 || offset != 0.0 {
+        let parameters = vec![("gain".into(), format!("{gain}")), ("offset".into(), format!("{offset} bar"))];
+        valve.effects.push(EffectSpec { id: "reference_shift".into(), parameters });
+    }
+    valve
+}
+
+impl Search {
+    /// The search on `plans/gain-comparison.toml`, from `valve`, which the controller believes in.
+    pub fn new(plans: &Path, valve: &Valve) -> Result<Self, CliError> {
+        let mut plan = Plan::load(&plans.join("gain-comparison.toml"), &[]).map_err(CliError::input)?;
+        // Its rounds are alike: one tells as much as three.
+        for phase in &mut plan.phases {
+            phase.repeat = 1;
+        }
+        let model = believed(&plan, valve)?;
+        let prepared = Prepared::default();
+        Ok(Self { plan, valve: valve.clone(), model, prepared })
+    }
+
+    /// The three figures of one clutch.
+    fn figures(&self, valve: &Valve) -> Option<[f64; 3]> {
+        // The seed of the accepted reports: the noise is the same for every set, so that sets differ by what they are.
+        let mut rig = SimulatedRig::new(valve, self.plan.period_s, Some(1), RigIdentity::default()).ok()?;
+        let dut = Dut::default();
+        let options = RunOptions { model: &self.model, dut: &dut, seed: 1, stop: None, prepared: Some(&self.prepared) };
+        let record: TestRecord = run(&self.plan, &mut rig, &options, &mut ()).0;
+        let found: Vec<f64> =
+            record.phases.iter().flat_map(|p| p.measurements.iter().find(|m| m.metric == "rmse")).filter_map(|m| m.value).collect();
+        found.try_into().ok()
+    }
+
+    fn residuals(&self, causes: &[Cause], values: &[f64]) -> Option<Vec<f64>> {
+        let each: Vec<Option<[f64; 3]>> =
+            (0..2usize).into_par_iter().map(|which| self.figures(&clutch(&self.valve, causes, values, which))).collect();
+        let mut out = Vec::with_capacity(6);
+        for (which, figures) in each.into_iter().enumerate() {
+            out.extend(figures?.iter().zip(TABLE_1[which]).map(|(f, t)| f - t));
+        }
+        Some(out)
+    }
+
+    /// The best values for a set of causes.
+    pub fn fit(&self, causes: &[Cause]) -> Option<Fit> {
+        let each: Vec<Cause> = causes.iter().flat_map(|c| std::iter::repeat_n(*c, c.parameters())).collect();
+        let mut best: Option<(f64, Vec<f64>, Vec<f64>)> = None;
+        // A curve may be off to either side.
+        for side in [1.0, -1.0] {
+            let mut values: Vec<f64> = each
+                .iter()
+                .map(|c| c.start().0 * if matches!(c, Cause::Gains | Cause::Offset | Cause::Offsets) { side } else { 1.0 })
+                .collect();
+            let mut residuals = self.residuals(causes, &values)?;
+            let mut damping = 1e-2;
+            for _ in 0..15 {
+                let Some(step) = self.step(causes, &each, &values, &residuals, damping) else { break };
+                let trial: Vec<f64> =
+                    values.iter().zip(&step).zip(&each).map(|((v, s), c)| (v + s).clamp(c.range().0, c.range().1)).collect();
+                let found = self.residuals(causes, &trial)?;
+                if squares(&found) < squares(&residuals) {
+                    let gained = squares(&residuals) - squares(&found);
+                    (values, residuals) = (trial, found);
+                    damping = (damping * 0.2f64).max(1e-6);
+                    if gained < 1e-7 {
+                        break;
+                    }
+                } else {
+                    damping *= 8.0;
+                    if damping > 1e4 {
+                        break;
+                    }
+                }
+            }
+            if best.as_ref().is_none_or(|b| squares(&residuals) < b.0) {
+                best = Some((squares(&residuals), values, residuals));
+            }
+        }
+        let (_, values, residuals) = best?;
+        let figures = [0, 1].map(|c| [0, 1, 2].map(|k| TABLE_1[c][k] + residuals[3 * c + k]));
+        let worst_bar = residuals.iter().fold(0.0f64, |w, r| w.max(r.abs()));
+        Some(Fit { causes: causes.to_vec(), values, figures, worst_bar })
+    }
+
+    fn step(&self, causes: &[Cause], each: &[Cause], values: &[f64], residuals: &[f64], damping: f64) -> Option<Vec<f64>> {
+        let columns: Vec<Vec<f64>> = each
+            .par_iter()
+            .enumerate()
+            .map(|(k, cause)| {
+                let mut moved = values.to_vec();
+                let step = cause.start().1 * if values[k] + cause.start().1 > cause.range().1 { -1.0 } else { 1.0 };
+                moved[k] += step;
+                let found = self.residuals(causes, &moved)?;
+                Some(found.iter().zip(residuals).map(|(a, b)| (a - b) / step * cause.start().1).collect())
+            })
+            .collect::<Option<_>>()?;
+        let n = each.len();
+        let mut normal = nalgebra::DMatrix::<f64>::zeros(n, n);
+        let mut right = nalgebra::DVector::<f64>::zeros(n);
+        for i in 0..n {
+            for j in 0..n {
+                normal[(i, j)] = columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum();
+            }
+            right[i] = -columns[i].iter().zip(residuals).map(|(a, b)| a * b).sum::<f64>();
+        }
+        for i in 0..n {
+            normal[(i, i)] *= 1.0 + damping;
+            normal[(i, i)] += 1e-12;
+        }
+        let found = normal.lu().solve(&right)?;
+        // At most five steps of a parameter at once.
+        Some(found.iter().zip(each).map(|(s, c)| s.clamp(-5.0, 5.0) * c.start().1).collect())
+    }
+
+    /// Every set of causes with at most `most` parameters that tells the clutches apart, the best first.
+    pub fn all(&self, most: usize) -> Vec<Fit> {
+        let sets: Vec<Vec<Cause>> = (1..1u32 << CAUSES.len())
+            .map(|mask| (0..CAUSES.len()).filter(|k| mask >> k & 1 == 1).map(|k| CAUSES[k]).collect::<Vec<_>>())
+            .filter(|set| set.iter().map(|c| c.parameters()).sum::<usize>() <= most)
+            .filter(|set| set.contains(&Cause::Gains) || set.contains(&Cause::Offsets))
+            // Two zeros hold the shared one.
+            .filter(|set| !(set.contains(&Cause::Offset) && set.contains(&Cause::Offsets)))
+            .collect();
+        let mut fits: Vec<Fit> = sets.par_iter().filter_map(|set| self.fit(set)).collect();
+        fits.sort_by(|a, b| a.worst_bar.total_cmp(&b.worst_bar));
+        fits
+    }
+}
+
+fn squares(residuals: &[f64]) -> f64 {
+    residuals.iter().map(|r| r * r).sum()
+}
