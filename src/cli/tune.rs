@@ -1,6 +1,6 @@
 //! `hil tune`: gains for a largest sensitivity over the whole delay range, beside textbook rules, and what they gain on a plan.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
@@ -10,7 +10,7 @@ use super::run::believed;
 use super::{CliError, CliResult, exit, files};
 use crate::control::rules::{RULES, TextbookRule};
 use crate::control::stability::{Margins, margins};
-use crate::control::tune::{TuningTask, left, tune};
+use crate::control::tune::{DISTURBANCE_BAR, TuningTask, left, tune};
 use crate::control::{Gains, linear_loop};
 use crate::plan::Plan;
 use crate::record::{Dut, TestRecord};
@@ -86,7 +86,8 @@ struct RuleRow {
     rule: String,
     kp_ma_per_bar: f64,
     ki_ma_per_bar_s: f64,
-    /// What the loop leaves of a disturbance that rises within 0.3 s: its RMS over 3 s, as a share of the disturbance.
+    /// What the loop leaves of a disturbance of 0.2 bar that rises within 0.3 s: its RMS over 3 s, with what is withheld because it
+    /// may be noise, as a share of the disturbance.
     left: f64,
     /// Over that of the proposed gains.
     against_proposed: f64,
@@ -123,7 +124,7 @@ pub fn run(args: &TuneArgs) -> CliResult {
         return Err(CliError::usage(format!("--max-sensitivity {}: more than 1 and at most 10 is allowed", args.max_sensitivity)));
     }
     if args.page {
-        super::print(&super::control_page::page(args.plan.parent().unwrap_or(Path::new("plans")), args.valves)?)?;
+        super::print(&super::control_page::page(args.valves)?)?;
         return Ok(exit::DONE);
     }
     let (model, _) = files::valve(args.model.as_deref().unwrap_or_default())?;
@@ -135,7 +136,13 @@ pub fn run(args: &TuneArgs) -> CliResult {
     let found = linear_loop(&model);
     let delay_range_s = args.delay_range.unwrap_or(found.delay_range_s);
     let rate_hz = 1.0 / plan.period_s;
-    let task = TuningTask { plant: found.plant, delay_range_s, max_sensitivity: args.max_sensitivity, rate_hz };
+    let task = TuningTask {
+        plant: found.plant,
+        delay_range_s,
+        max_sensitivity: args.max_sensitivity,
+        rate_hz,
+        noise_share: model.noise_bar / DISTURBANCE_BAR,
+    };
     let proposed = args.rule.textbook().map_or_else(|| tune(&task), |rule| rule.tuned(&task));
     let Some(gains) = proposed else {
         return Err(CliError::input(format!("no gains keep the sensitivity of `{}` within {}", model.name, args.max_sensitivity)));
@@ -244,7 +251,7 @@ fn table(tuning: &Tuning, model: &Valve) -> String {
             r.against_proposed
         );
     }
-    text += "left: RMS over 3 s of what the loop leaves of a disturbance of the pressure that rises in 0.3 s\n";
+    text += "left: RMS over 3 s of what the loop leaves of a disturbance that rises in 0.3 s, and of what may be noise\n";
     text += &format!("\nplan `{}` on the simulated valve `{}`\n\n{:<46}{:>14}{:>14}\n", tuning.plan, tuning.valve, "", "paper", "proposed");
     for c in &tuning.comparison {
         let print = |v: Option<f64>| match (v, Unit::by_symbol(&c.unit)) {

@@ -27,6 +27,7 @@ pub enum Reference {
     /// The pressure that the valve model gives for what the feed-forward alone has sent, with its dead time and its lag: the PI does
     /// not fight what is already on its way.
     #[default]
+    #[doc(alias("two degrees of freedom", "Smith predictor"))]
     Delayed,
     /// The present target.
     Direct,

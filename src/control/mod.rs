@@ -22,8 +22,10 @@ pub(crate) use controller::tests::valve as test_valve;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Gains {
     /// Proportional gain K_P [mA/bar].
+    #[doc(alias("K_P", "kp"))]
     pub kp_ma_per_bar: f64,
     /// Integral gain K_I [mA/(bar s)].
+    #[doc(alias("K_I", "ki"))]
     pub ki_ma_per_bar_s: f64,
 }
 

@@ -84,6 +84,7 @@ mod tests {
         delay_range_s: (0.01, 0.03),
         max_sensitivity: 1.4,
         rate_hz: 100.0,
+        noise_share: 0.0,
     };
 
     /// Skogestad's example: k = 1, tau = 1, theta = 1 gives K_P = 0.5 and tau_I = 1; Astrom and Hagglund's formula by hand.

@@ -12,9 +12,7 @@ use crate::valve::Valve;
 /// Standard deviations of its noise beyond which a wish counts: by chance one in 1.7 million samples, five hours at 100 Hz.
 const BEGINS: f64 = 5.0;
 /// Standard deviations within which a wish no longer counts.
-const ENDS: f64 = 2.5;
-/// Time over which the answer of the loop to one noisy sample is followed [s].
-const FOLLOWED_S: f64 = 5.0;
+pub(super) const ENDS: f64 = 2.5;
 
 /// The state of the decision.
 pub struct Significance {
@@ -57,19 +55,9 @@ impl Significance {
         if let Some((_, deviation)) = self.known.filter(|k| k.0 == gains) {
             return deviation;
         }
-        let rate_hz = 1.0 / self.period_s;
-        let samples = (FOLLOWED_S * rate_hz) as usize;
-        let mut impulse = vec![0.0; samples];
-        impulse[0] = 1.0;
-        let mut integral = 0.0;
-        let mut squares = 0.0;
-        for error in SampledLoop::new(&self.plant, gains, rate_hz).left_of(&impulse) {
-            integral += gains.ki_ma_per_bar_s * self.period_s * error;
-            squares += (gains.kp_ma_per_bar * error + integral).powi(2);
-        }
+        let gain = SampledLoop::new(&self.plant, gains, 1.0 / self.period_s).noise_gain(gains);
         // The integral begins where the noise of its first sample puts it.
-        let begin = gains.kp_ma_per_bar.powi(2);
-        let deviation = self.noise_bar * self.plant.gain_bar_per_ma * (squares + begin).sqrt();
+        let deviation = self.noise_bar * self.plant.gain_bar_per_ma * gain.hypot(gains.kp_ma_per_bar);
         self.known = Some((gains, deviation));
         deviation
     }

@@ -18,8 +18,10 @@ pub struct LoopPlant {
     /// Gain k: slope of the pressure over the current [bar/mA].
     pub gain_bar_per_ma: f64,
     /// Lag tau of the valve [s].
+    #[doc(alias = "tau")]
     pub lag_s: f64,
     /// Transport delay T_d [s].
+    #[doc(alias("dead time of the loop", "T_d"))]
     pub delay_s: f64,
 }
 
@@ -33,6 +35,7 @@ pub struct FrequencyMargins {
     /// Further delay that a stable loop bears [s].
     pub delay_margin_s: Option<f64>,
     /// Largest magnitude of the sensitivity 1/(1+L) of a stable loop.
+    #[doc(alias("max. sensitivity", "maximum sensitivity", "worst sensitivity", "sensitivity", "Ms"))]
     pub max_sensitivity: Option<f64>,
     /// Frequency at which the loop gain falls through one [rad/s].
     pub gain_crossover_rad_s: Option<f64>,

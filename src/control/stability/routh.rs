@@ -7,11 +7,14 @@ use super::LoopPlant;
 use crate::control::Gains;
 
 /// Limits of the gains after Routh with the Pade form.
+#[doc(alias("Routh", "Pade"))]
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct RouthLimits {
     /// Largest K_P [mA/bar]; `None` without a delay, where the form sets no limit.
+    #[doc(alias = "K_P limit")]
     pub kp_max_ma_per_bar: Option<f64>,
     /// Largest K_I [mA/(bar s)] at the K_P that was asked for; `None` where K_P alone is too large or no limit exists.
+    #[doc(alias = "K_I limit")]
     pub ki_max_ma_per_bar_s: Option<f64>,
 }
 

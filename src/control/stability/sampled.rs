@@ -11,6 +11,9 @@ use super::search::{bisect, maximum};
 use super::{FrequencyMargins, LoopPlant};
 use crate::control::Gains;
 
+/// Time over which the answer of the loop to one noisy sample is followed [s].
+const FOLLOWED_S: f64 = 5.0;
+
 /// The sampled loop.
 #[derive(Debug, Clone)]
 pub struct SampledLoop {
@@ -24,35 +27,44 @@ pub struct SampledLoop {
 impl SampledLoop {
     /// The loop at `rate_hz`, with one period of computation on top of the plant's delay.
     pub fn new(plant: &LoopPlant, gains: Gains, rate_hz: f64) -> Self {
-        let period = 1.0 / rate_hz;
-        let delay = plant.delay_s + period;
-        // A delay that is a whole number of periods up to rounding counts as whole.
-        let periods = (delay / period - 1e-9).ceil();
-        let part = (periods - delay / period).max(0.0);
-        let decay = |time: f64| if plant.lag_s > 0.0 { (-time / plant.lag_s).exp() } else { f64::from(u8::from(time == 0.0)) };
-        let (at_part, at_period) = (decay(part * period), decay(period));
-        let k = plant.gain_bar_per_ma;
-        let hold = [k * (1.0 - at_part), k * (at_part - at_period)];
-        let (kp, step) = (gains.kp_ma_per_bar, gains.ki_ma_per_bar_s * period);
-        let integrates = step != 0.0;
-        let (controller, lag): (Vec<f64>, Vec<f64>) =
-            if integrates { (vec![kp + step, -kp], vec![1.0, -1.0]) } else { (vec![kp], vec![1.0]) };
-        let mut numerator = vec![0.0; periods as usize];
-        numerator.extend(product(&controller, &hold));
-        Self { period_s: period, numerator, denominator: product(&lag, &[1.0, -at_period]), integrates }
+        let (controller, lag) = pi(gains, rate_hz);
+        let (held, decay) = held(plant, rate_hz);
+        Self {
+            period_s: 1.0 / rate_hz,
+            numerator: product(&controller, &held),
+            denominator: product(&lag, &decay),
+            integrates: lag.len() > 1,
+        }
+    }
+
+    /// The same with O. J. Smith's predictor ("Closer control of loops with dead time", Chem. Eng. Progress 53 (1957) 217): the
+    /// controller sees what `believed` would show without its delay, and the difference between the measurement and what
+    /// `believed` shows with it.
+    pub fn with_predictor(plant: &LoopPlant, believed: &LoopPlant, gains: Gains, rate_hz: f64) -> Self {
+        let ((controller, lag), (real, decay)) = (pi(gains, rate_hz), held(plant, rate_hz));
+        let (late, believed_decay) = held(believed, rate_hz);
+        let (prompt, _) = held(&LoopPlant { delay_s: 0.0, ..*believed }, rate_hz);
+        // C / (1 + C (G_0 - G)), with the denominator that G_0 and G share.
+        let difference: Vec<f64> = (0..late.len().max(prompt.len())).map(|i| at(&prompt, i) - at(&late, i)).collect();
+        let (own, fed_back) = (product(&lag, &believed_decay), product(&controller, &difference));
+        let inner: Vec<f64> = (0..own.len().max(fed_back.len())).map(|i| at(&own, i) + at(&fed_back, i)).collect();
+        Self {
+            period_s: 1.0 / rate_hz,
+            numerator: product(&product(&controller, &believed_decay), &real),
+            denominator: product(&inner, &decay),
+            integrates: lag.len() > 1,
+        }
     }
 
     /// Whether every closed-loop pole lies inside the unit circle.
     pub fn stable(&self) -> bool {
         let length = self.numerator.len().max(self.denominator.len());
-        let at = |p: &[f64], i: usize| p.get(i).copied().unwrap_or(0.0);
         schur((0..length).map(|i| at(&self.numerator, i) + at(&self.denominator, i)).collect())
     }
 
     /// What the closed loop leaves of a disturbance of the pressure, sample by sample.
     pub fn left_of(&self, disturbance: &[f64]) -> Vec<f64> {
         let length = self.numerator.len().max(self.denominator.len());
-        let at = |p: &[f64], i: usize| p.get(i).copied().unwrap_or(0.0);
         // The sensitivity 1/(1 + N/D) = D/(D + N) as a difference equation.
         let closed: Vec<f64> = (0..length).map(|i| at(&self.numerator, i) + at(&self.denominator, i)).collect();
         let mut left: Vec<f64> = Vec::with_capacity(disturbance.len());
@@ -62,6 +74,19 @@ impl SampledLoop {
             left.push((driven - kept) / closed[0]);
         }
         left
+    }
+
+    /// Standard deviation of the current that a PI with `gains` in this loop makes of a noise of 1 bar in every sample [mA/bar].
+    pub fn noise_gain(&self, gains: Gains) -> f64 {
+        let samples = (FOLLOWED_S / self.period_s) as usize;
+        let mut impulse = vec![0.0; samples];
+        impulse[0] = 1.0;
+        let (mut integral, mut squares) = (0.0, 0.0);
+        for error in self.left_of(&impulse) {
+            integral += gains.ki_ma_per_bar_s * self.period_s * error;
+            squares += (gains.kp_ma_per_bar * error + integral).powi(2);
+        }
+        squares.sqrt()
     }
 
     /// The margins at the sampling instants.
@@ -165,6 +190,32 @@ impl SampledLoop {
     }
 }
 
+/// The PI controller as it runs.
+fn pi(gains: Gains, rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
+    let (kp, step) = (gains.kp_ma_per_bar, gains.ki_ma_per_bar_s / rate_hz);
+    if step != 0.0 { (vec![kp + step, -kp], vec![1.0, -1.0]) } else { (vec![kp], vec![1.0]) }
+}
+
+/// The plant behind the hold, with one period of computation.
+fn held(plant: &LoopPlant, rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
+    let period = 1.0 / rate_hz;
+    let delay = plant.delay_s + period;
+    // A delay that is a whole number of periods up to rounding counts as whole.
+    let periods = (delay / period - 1e-9).ceil();
+    let part = (periods - delay / period).max(0.0);
+    let decay = |time: f64| if plant.lag_s > 0.0 { (-time / plant.lag_s).exp() } else { f64::from(u8::from(time == 0.0)) };
+    let (at_part, at_period) = (decay(part * period), decay(period));
+    let k = plant.gain_bar_per_ma;
+    let mut numerator = vec![0.0; periods as usize];
+    numerator.extend([k * (1.0 - at_part), k * (at_part - at_period)]);
+    (numerator, vec![1.0, -at_period])
+}
+
+/// A coefficient, 0 beyond the last.
+fn at(polynomial: &[f64], i: usize) -> f64 {
+    polynomial.get(i).copied().unwrap_or(0.0)
+}
+
 /// `angle` plus the whole turns that bring it nearest to `reference`.
 fn nearest(angle: f64, reference: f64) -> f64 {
     angle + 2.0 * PI * ((reference - angle) / (2.0 * PI)).round()
@@ -257,6 +308,25 @@ mod tests {
             let truth = if elapsed > 0.0 { 1.0 - (-elapsed / 0.013).exp() } else { 0.0 };
             assert!((out[n] - truth).abs() < 1e-12, "sample {n}: {} against {truth}", out[n]);
         }
+    }
+
+    #[test]
+    fn with_the_right_delay_the_predictor_takes_it_out_of_the_loop() {
+        // Gains far beyond what the plant bears without it: the closed loop is that of the plant without delay.
+        let (gains, prompt) = (Gains { kp_ma_per_bar: 40.0, ki_ma_per_bar_s: 1000.0 }, LoopPlant { delay_s: 0.0, ..PAPER });
+        assert!(!SampledLoop::new(&PAPER, gains, 100.0).stable());
+        assert_eq!(SampledLoop::with_predictor(&PAPER, &PAPER, gains, 100.0).stable(), SampledLoop::new(&prompt, gains, 100.0).stable());
+        let gains = Gains { kp_ma_per_bar: 10.0, ki_ma_per_bar_s: 600.0 };
+        assert!(SampledLoop::new(&prompt, gains, 100.0).stable() && !SampledLoop::new(&PAPER, gains, 100.0).stable());
+        let closed = SampledLoop::with_predictor(&PAPER, &PAPER, gains, 100.0);
+        assert!(closed.stable() && closed.left_of(&[1.0; 400])[399].abs() < 1e-3);
+        // 1 - S is that of the prompt loop, later by the delay: four samples.
+        let of = |l: &SampledLoop| l.left_of(&[1.0; 60]).iter().map(|e| 1.0 - e).collect::<Vec<_>>();
+        let (late, early) = (of(&closed), of(&SampledLoop::new(&prompt, gains, 100.0)));
+        assert!((0..50).all(|k| (late[k + 4] - early[k]).abs() < 1e-9), "{late:?} {early:?}");
+        // A delay that is not the believed one shows.
+        let off = LoopPlant { delay_s: 0.06, ..PAPER };
+        assert!(SampledLoop::with_predictor(&off, &PAPER, gains, 100.0).max_sensitivity() > closed.max_sensitivity());
     }
 
     #[test]
