@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Rooms that hold the terms of the trade; the effects of `physics` carry their own pages.
-const ROOMS: [&str; 8] = ["metrics", "control", "valve", "plan", "limits.rs", "record", "identify", "batch"];
+const ROOMS: [&str; 9] = ["metrics", "control", "valve", "plan", "limits.rs", "record", "identify", "batch", "diagnose/diagnosis.rs"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo:rerun-if-changed=src");

@@ -19,6 +19,7 @@ pub enum Bound {
 /// How a measured value is compared with its limit. ISO/IEC 17025:2017, 7.8.6 asks to state it with every conformity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[doc(alias("ISO 14253-1", "decision rule", "guard band"))]
 pub enum DecisionRule {
     /// The measured value against the limit; its uncertainty is not taken into account.
     #[default]

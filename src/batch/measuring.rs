@@ -33,6 +33,7 @@ pub struct Instrument {
 }
 
 /// One influence.
+#[doc(alias = "measurement uncertainty")]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Influence {
     /// `u_CAL`, `u_RE`, `u_BI`, `u_LIN`, `u_EVR` (repeatability on a reference), `u_EVO` (on the parts), `u_AV` (appraisers), `u_IA`
@@ -49,9 +50,11 @@ pub struct MeasuringCapability {
     pub budget: Vec<Influence>,
     /// %Q_MS: twice the expanded uncertainty of the measuring system (calibration, resolution or repeatability on a reference, bias,
     /// linearity) over the tolerance. Capable up to 15 %.
+    #[doc(alias("%Q_MS", "Q_MS"))]
     pub q_ms: Finding<f64>,
     /// %Q_MP: the same of the measuring process, with repeatability on the parts, appraisers and interaction of the study. Capable up
     /// to 30 %.
+    #[doc(alias("%Q_MP", "Q_MP"))]
     pub q_mp: Finding<f64>,
     /// Smallest tolerance for which the measuring process is capable, in the metric's unit.
     pub smallest_tolerance: f64,

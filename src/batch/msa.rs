@@ -43,6 +43,7 @@ pub struct AnovaLine {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Component {
     /// `repeatability`, `reproducibility`, `appraiser`, `interaction`, `gauge`, `part`, `total`.
+    #[doc(alias("EV", "AV", "IA", "PV", "TV", "reproducibility", "equipment variation", "appraiser variation", "part variation"))]
     pub source: String,
     /// Variance, in the square of the metric's unit.
     pub variance: f64,
@@ -57,6 +58,7 @@ pub struct Component {
 }
 
 /// What the study says of the measuring system.
+#[doc(alias("gauge R&R", "GRR", "MSA"))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GaugeStudy {
     /// Parts, appraisers, trials.
@@ -72,6 +74,7 @@ pub struct GaugeStudy {
     /// Six gauge deviations over six total deviations.
     pub grr_of_study: f64,
     /// Number of distinct categories: 1.41 part deviations per gauge deviation, cut to a whole number.
+    #[doc(alias = "ndc")]
     pub distinct_categories: Finding<u64>,
     /// `acceptable` (below 10 %), `conditional` (10 to 30 %) or `unacceptable`, by %GRR of tolerance, or of the study without it.
     pub verdict: String,

@@ -66,6 +66,7 @@ pub struct BatchSummary {
     /// Number of valves per final outcome.
     pub counts: BTreeMap<String, usize>,
     /// Valves that passed at their first judged attempt.
+    #[doc(alias("first-pass yield", "FPY"))]
     pub first_pass: Finding<Proportion>,
     /// Valves that passed in the end.
     pub final_yield: Finding<Proportion>,

@@ -88,6 +88,7 @@ pub struct Errors {
     /// The base model as given, over the whole recording.
     pub base: f64,
     /// The base model as given, over the held-out stretches (all of the recording, in turn).
+    #[doc(alias("held-out", "held-out error"))]
     pub base_heldout: f64,
     /// The base model recalibrated on the other stretches.
     pub refit_heldout: f64,
@@ -116,6 +117,7 @@ pub struct Finding {
     /// Whether the model lacks it or the valve has changed by it.
     pub claim: Claim,
     /// Posterior share of the name among all that could stand in its place.
+    #[doc(alias = "posterior share")]
     pub share: f64,
     /// Whether only the class is claimed: no single name has the share that a name needs.
     #[serde(rename = "class")]
@@ -129,6 +131,7 @@ pub struct Finding {
     /// Chance of such a gain were the effect not there, from sign flips of the held-out blocks.
     pub p_value: f64,
     /// The rest of the credible set (90 %), best first.
+    #[doc(alias = "credible set")]
     pub indistinguishable: Vec<String>,
     /// What speaks for it.
     pub evidence: String,
@@ -198,6 +201,7 @@ pub struct Candidate {
     /// RMSE on held-out stretches of the base with this effect alone [bar].
     pub heldout_rmse_bar: Option<f64>,
     /// BIC against "recalibrate only", on effective samples; negative is better.
+    #[doc(alias = "BIC")]
     pub bic: f64,
     /// Why it is not among the effects; `null` for those that are.
     pub rejected_because: Option<String>,

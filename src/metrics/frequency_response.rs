@@ -32,6 +32,7 @@ pub struct BandwidthGain {}
 pub struct BandwidthPhase {}
 
 /// One point of a frequency response.
+#[doc(alias = "Bode")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// Frequency [Hz].

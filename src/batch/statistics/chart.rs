@@ -37,10 +37,13 @@ pub struct ControlChart {
     /// Mean moving range.
     pub mean_moving_range: f64,
     /// Short-term standard deviation: mean moving range / 1.128.
+    #[doc(alias("sigma", "short-term standard deviation"))]
     pub within_deviation: f64,
     /// Lower limit of the individuals.
+    #[doc(alias = "LCL")]
     pub lower: f64,
     /// Upper limit of the individuals.
+    #[doc(alias = "UCL")]
     pub upper: f64,
     /// Upper limit of the moving range.
     pub range_upper: f64,
@@ -51,6 +54,7 @@ pub struct ControlChart {
     /// The rules that spoke, in the order of [`Rule`].
     pub signals: Vec<Signal>,
     /// Whether the points beyond three sigma are no more than chance gives (1 % level, 0.27 % of the points expected).
+    #[doc(alias("process stability", "stable process"))]
     pub stable: bool,
 }
 

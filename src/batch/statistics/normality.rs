@@ -10,6 +10,7 @@ use super::distribution::normal_cdf;
 use super::sample::mean_deviation;
 
 /// Result of the test.
+#[doc(alias = "Anderson-Darling")]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Normality {
     /// A squared, as computed.

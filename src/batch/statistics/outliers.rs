@@ -13,6 +13,7 @@ const MOST: usize = 20;
 const LEVEL: f64 = 0.05;
 
 /// One outlier.
+#[doc(alias("ESD", "outliers"))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outlier {
     /// Place in the batch, from 0.

@@ -14,6 +14,7 @@ use super::distribution::{chi_squared_quantile, normal_cdf};
 pub const FALSE_ALARMS: f64 = 0.01;
 
 /// A test for special causes; Nelson's numbers stand in the text of the signal.
+#[doc(alias("run rules", "Nelson"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
@@ -210,5 +211,29 @@ mod tests {
         }
         // A spread that is hardly known needs a wider limit.
         assert!(Rule::FarOut.number(25, 15.0) > Rule::FarOut.number(25, 1e5) + 0.3);
+    }
+
+    /// docs/acceptance.md names these two limits. Batches are drawn, so nothing is asked of the formula that gives them.
+    #[test]
+    fn the_limits_that_the_documentation_names_are_passed_by_chance_in_a_ninth_of_one_percent() {
+        use super::super::capability::moving_range_freedom;
+        use rand::SeedableRng;
+        use rand_distr::{Distribution, StandardNormal};
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
+        for (count, stated, batches) in [(25, 5.4, 60_000), (400, 4.6, 10_000)] {
+            let number = Rule::FarOut.number(count, moving_range_freedom(count));
+            assert!((number - stated).abs() < 0.05, "{count} values: {number}");
+            let spoke = (0..batches)
+                .filter(|_| {
+                    let values: Vec<f64> = (0..count).map(|_| StandardNormal.sample(&mut rng)).collect();
+                    let center = values.iter().sum::<f64>() / count as f64;
+                    let range = values.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / (count - 1) as f64;
+                    let z: Vec<f64> = values.iter().map(|v| (v - center) / (range / 1.128)).collect();
+                    !Rule::FarOut.speaks(&z, number).is_empty()
+                })
+                .count();
+            let share = spoke as f64 / f64::from(batches);
+            assert!((0.0005..0.002).contains(&share), "{count} values: {share}");
+        }
     }
 }

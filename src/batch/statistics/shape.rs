@@ -71,6 +71,7 @@ impl Quantiles {
 }
 
 /// The distribution with its bootstrap.
+#[doc(alias("AIC", "bootstrap"))]
 pub struct Weighed {
     /// What is reported.
     pub shape: Shape,

@@ -9,6 +9,8 @@ pub struct Entry {
     pub parent: Option<String>,
     /// What it is: `struct`, `field`, `variant`, `fn`, ...
     pub kind: &'static str,
+    /// Other words for it, from `#[doc(alias = "...")]`: those of reports and of the trade.
+    pub aliases: Vec<String>,
     /// Its doc comment.
     pub doc: String,
     /// Source file below `src/`.
@@ -25,6 +27,7 @@ pub fn module_doc(source: &str) -> String {
 pub fn entries(file: &'static str, source: &str) -> Vec<Entry> {
     let mut found = Vec::new();
     let mut doc: Vec<&str> = Vec::new();
+    let mut aliases: Vec<String> = Vec::new();
     // Name of the type whose braces are open, and whether it is an enum.
     let mut inside: Option<(String, bool)> = None;
     for line in source.lines().take_while(|l| !l.starts_with("#[cfg(test)]")) {
@@ -33,6 +36,9 @@ pub fn entries(file: &'static str, source: &str) -> Vec<Entry> {
         if let Some(comment) = text.strip_prefix("///") {
             doc.push(comment.strip_prefix(' ').unwrap_or(comment));
             continue;
+        }
+        if let Some(list) = text.strip_prefix("#[doc(alias") {
+            aliases.extend(list.split('"').skip(1).step_by(2).map(snake));
         }
         if text.starts_with("#[") || text.starts_with("//") {
             continue;
@@ -45,13 +51,15 @@ pub fn entries(file: &'static str, source: &str) -> Vec<Entry> {
             if !doc.is_empty() {
                 let member = matches!(kind, "field" | "variant");
                 let parent = if member { inside.as_ref().map(|i| i.0.clone()) } else { None };
-                found.push(Entry { name: snake(name), parent, kind, doc: clean(&doc), file });
+                let aliases = std::mem::take(&mut aliases);
+                found.push(Entry { name: snake(name), parent, kind, aliases, doc: clean(&doc), file });
             }
             if matches!(kind, "struct" | "enum" | "trait") && text.ends_with('{') {
                 inside = Some((name.to_string(), kind == "enum"));
             }
         }
         doc.clear();
+        aliases.clear();
     }
     found
 }
@@ -106,7 +114,7 @@ fn clean(lines: &[&str]) -> String {
 mod tests {
     use super::*;
 
-    const SOURCE: &str = "//! About steps.\n//! Second line.\n\n/// Time to settle.\n///\n/// # Source\n/// A book.\n#[derive(Debug)]\npub struct SettlingTime {\n    /// Half-width, see [`Band`].\n    #[serde(default)]\n    pub band: Ratio,\n    hidden: f64,\n}\n\n/// Kinds.\npub enum Kind {\n    /// The first.\n    FirstKind(Inner),\n    /// The second.\n    Second,\n}\n\n/// Not public.\nfn private() {}\n\n/// A limit [A].\npub const LIMIT_A: f64 = 1.0;\n";
+    const SOURCE: &str = "//! About steps.\n//! Second line.\n\n/// Time to settle.\n///\n/// # Source\n/// A book.\n#[derive(Debug)]\npub struct SettlingTime {\n    /// Half-width, see [`Band`].\n    #[doc(alias(\"tolerance\", \"Half-width\"))]\n    #[serde(default)]\n    pub band: Ratio,\n    hidden: f64,\n}\n\n/// Kinds.\npub enum Kind {\n    /// The first.\n    FirstKind(Inner),\n    /// The second.\n    Second,\n}\n\n/// Not public.\nfn private() {}\n\n/// A limit [A].\npub const LIMIT_A: f64 = 1.0;\n";
 
     #[test]
     fn public_items_with_their_comments() {
@@ -125,6 +133,7 @@ mod tests {
         );
         assert_eq!(found[0].doc, "Time to settle.\n\nSource:\nA book.");
         assert_eq!((found[1].parent.as_deref(), found[1].doc.as_str()), (Some("SettlingTime"), "Half-width, see `Band`."));
+        assert_eq!((found[1].aliases.join(" "), found[2].aliases.len()), ("tolerance half_width".to_string(), 0));
         assert_eq!(module_doc(SOURCE), "About steps.\nSecond line.");
     }
 

@@ -58,7 +58,7 @@ fn metrics(all: &[Entry]) -> Vec<(String, String)> {
 }
 
 /// The rooms in the order in which an answer is wanted, with the heading of the overview.
-const ROOMS: [(&str, &str); 7] = [
+const ROOMS: [(&str, &str); 8] = [
     ("metrics", "Metrics"),
     ("control", "Control and stability"),
     ("plan", "Plans"),
@@ -66,6 +66,7 @@ const ROOMS: [(&str, &str); 7] = [
     ("valve", "Valve models"),
     ("identify", "Identification"),
     ("batch", "Batches and measuring systems"),
+    ("diagnose", "Diagnosis"),
 ];
 
 fn rank(entry: &Entry) -> usize {
@@ -79,7 +80,7 @@ fn explain(all: &[Entry], term: &str) -> Result<String, String> {
         return Ok(effect_page(*effect));
     }
     let with = |matches: &dyn Fn(&Entry) -> bool| all.iter().filter(|e| matches(e)).collect::<Vec<_>>();
-    let mut found = with(&|e| e.name == wanted);
+    let mut found = with(&|e| e.name == wanted || e.aliases.contains(&wanted));
     if found.is_empty() {
         // A name that carries its unit: gain_margin finds gain_margin_db.
         found = with(&|e| e.name.strip_prefix(wanted.as_str()).is_some_and(|rest| rest.starts_with('_')));
@@ -179,7 +180,7 @@ fn paragraphs(out: &mut String, text: &str, indent: usize) {
 fn unknown(all: &[Entry], term: &str, wanted: &str) -> String {
     let mut near: Vec<(usize, &str)> = all
         .iter()
-        .map(|e| e.name.as_str())
+        .flat_map(|e| std::iter::once(&e.name).chain(&e.aliases).map(String::as_str))
         .chain(EFFECTS.iter().map(|e| e.id()))
         .map(|name| (distance(wanted, name), name))
         .filter(|(distance, _)| *distance <= 2.max(wanted.len() / 4))
@@ -253,6 +254,73 @@ mod tests {
                 assert!(text.contains(part), "{part}: {text}");
             }
             assert!(text.lines().all(|l| l.chars().count() <= COLUMNS), "{text}");
+        }
+    }
+
+    /// The words of the pages and of the trade, which are no names of the program.
+    #[test]
+    fn words_of_the_pages_are_explained() {
+        let all = all();
+        for term in [
+            "Ppk",
+            "Cpk",
+            "Pp",
+            "Cp",
+            "GRR",
+            "gauge R&R",
+            "ndc",
+            "%Q_MS",
+            "%Q_MP",
+            "EV",
+            "AV",
+            "PV",
+            "TV",
+            "AIC",
+            "bootstrap",
+            "Anderson-Darling",
+            "Wilson",
+            "Clopper-Pearson",
+            "ESD",
+            "first-pass yield",
+            "final yield",
+            "run rules",
+            "Nelson",
+            "moving range",
+            "UCL",
+            "LCL",
+            "sigma",
+            "ISO 14253-1",
+            "guard band",
+            "measurement uncertainty",
+            "process stability",
+            "K_P",
+            "K_I",
+            "K_P limit",
+            "K_I limit",
+            "Routh",
+            "Pade",
+            "max. sensitivity",
+            "gain margin",
+            "phase margin",
+            "delay margin",
+            "SIMC",
+            "AMIGO",
+            "lambda",
+            "Smith predictor",
+            "Bode",
+            "dead band",
+            "threshold",
+            "reversal error",
+            "dead time",
+            "fall time",
+            "held-out",
+            "noise floor",
+            "posterior share",
+            "credible set",
+            "BIC",
+        ] {
+            let text = explain(&all, term);
+            assert!(text.as_ref().is_ok_and(|t| t.lines().count() > 1), "{term}: {text:?}");
         }
     }
 
