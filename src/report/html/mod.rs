@@ -1,5 +1,6 @@
 //! The report as one self-contained HTML file: the verdict first, then the evidence.
 
+mod bode;
 mod figures;
 mod tables;
 
@@ -20,6 +21,7 @@ pub fn html(record: &TestRecord, trace: &Trace) -> String {
             p.soft.hint { (super::page::HINT) }
             (figures::over_time(record, trace))
         }
+        (bode::bode(record, trace))
         (figures::loops(record, trace))
         @if let Some(stability) = &record.stability {
             h2 { "Stability of the loop" }
