@@ -28,7 +28,7 @@ struct Knob {
 }
 
 /// What can be wrong with a valve, the simplest first: the first knob that moves a figure to where it is wanted is used.
-const KNOBS: [Knob; 11] = [
+const KNOBS: [Knob; 16] = [
     Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: 5.0 },
     Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: -5.0 },
     Knob { effect: "reference_shift", parameter: "gain", unit: "", most: 0.39 },
@@ -37,10 +37,22 @@ const KNOBS: [Knob; 11] = [
     Knob { effect: "transport_delay", parameter: "extra", unit: "s", most: 0.09 },
     Knob { effect: "first_order_lag", parameter: "tau", unit: "s", most: 0.15 },
     Knob { effect: "reference_drift", parameter: "offset", unit: "bar", most: 5.0 },
+    Knob { effect: "reference_drift", parameter: "offset", unit: "bar", most: -5.0 },
+    Knob { effect: "reference_drift", parameter: "gain", unit: "", most: 0.29 },
+    Knob { effect: "reference_drift", parameter: "gain", unit: "", most: -0.29 },
+    Knob { effect: "stiction", parameter: "band", unit: "A", most: 0.09 },
+    Knob { effect: "sensor_dead_band", parameter: "width", unit: "bar", most: 3.0 },
     Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: 9.0 },
     Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: -9.0 },
     Knob { effect: "second_order_resonance", parameter: "frequency", unit: "Hz", most: 3.0 },
 ];
+
+impl Knob {
+    /// Whether it makes the valve slower, which is what a time should be tried with first.
+    fn slows(&self) -> bool {
+        matches!(self.effect, "transport_delay" | "first_order_lag")
+    }
+}
 
 struct Shipped {
     name: String,
@@ -123,7 +135,10 @@ fn verdicts(out: &mut String, shipped: &[Shipped], seeds: u64) -> Result<(), Cli
     out.push_str("| plan, phase, metric | limit | changed | rejected |\n|---|---|---|--:|\n");
     for s in shipped {
         for (phase, metric, limit, wanted) in limits(s) {
-            let found = KNOBS.iter().find_map(|knob| turned(s, knob, &phase, &metric, limit, wanted).map(|v| (knob, v)));
+            let time = metric.ends_with("_time");
+            let first = KNOBS.iter().filter(|knob| knob.slows() == time);
+            let knobs = first.chain(KNOBS.iter().filter(|knob| knob.slows() != time));
+            let found = knobs.into_iter().find_map(|knob| turned(s, knob, &phase, &metric, limit, wanted).map(|v| (knob, v)));
             let name = format!("{}, {phase}, `{metric}`", s.name);
             let Some((knob, (valve, size))) = found else {
                 let _ = writeln!(out, "| {name} | {limit} | none of the changes reaches {wanted:.4} | - |");

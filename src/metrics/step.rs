@@ -79,11 +79,14 @@ fn response(segment: &Segment<'_>, range: &Range<usize>) -> Result<Response, Not
     let s = &segment.signals;
     let closed = range.clone().all(|k| s.target_bar[k].is_finite());
     let input = if closed { s.target_bar } else { s.current_a };
-    // The jump may stand at the first sample, against what was commanded before.
-    let first = range.start.max(1);
-    let jumps: Vec<usize> =
-        (first..range.end).filter(|k| input[*k] != input[*k - 1] && !(input[*k].is_nan() || input[*k - 1].is_nan())).collect();
-    let [jump] = jumps[..] else { return Err(NotMeasurable::NotAStep) };
+    let jumps = |of: Range<usize>| -> Vec<usize> {
+        of.filter(|k| input[*k] != input[*k - 1] && !(input[*k].is_nan() || input[*k - 1].is_nan())).collect()
+    };
+    // The jump may stand at the first sample, against what was commanded before; with one inside, what came before is how the
+    // phase was reached.
+    let (first, inside) = (range.start.max(1), jumps(range.start + 1..range.end));
+    let found = if inside.is_empty() { jumps(first..range.start + 1) } else { inside };
+    let [jump] = found[..] else { return Err(NotMeasurable::NotAStep) };
     let tail = (range.len() / 10).max(3).min(range.end - jump);
     let mean = |of: Range<usize>| {
         let values: Vec<f64> = of.clone().map(|k| s.pressure_bar[k]).filter(|p| p.is_finite()).collect();

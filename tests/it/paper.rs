@@ -77,14 +77,16 @@ fn verdicts_hold_with_seeds_drawn_anew() {
     assert_verdicts(&printed(&["explain", "--page", "--seeds", "8"]), 8);
 }
 
+/// Ten valves stand on the page; two, drawn anew here, scatter more.
 #[test]
 fn the_controller_is_worth_having() {
-    for page in [std::fs::read_to_string("docs/control.md").unwrap(), printed(&["tune", "--page", "--valves", "2"])] {
-        for ratio in cells(&page, "| whole controller : curve inverse with the best rule") {
-            assert!(ratio <= 0.95, "{ratio}");
-        }
-        for ratio in cells(&page, "| tuned gains : best rule, both with the curve inverse") {
-            assert!(ratio <= 1.02, "{ratio}");
-        }
+    let page = std::fs::read_to_string("docs/control.md").unwrap();
+    for (page, whole, feedback) in [(page, 0.7, 1.0), (printed(&["tune", "--page", "--valves", "2"]), 0.95, 1.05)] {
+        let of = |row: &str, most: f64| {
+            let ratios = cells(&page, row);
+            assert!(ratios.len() == 3 && ratios.iter().all(|ratio| *ratio <= most), "{row} {ratios:?}");
+        };
+        of("| whole controller : curve inverse with the best rule", whole);
+        of("| tuned gains : best rule (model inverse", feedback);
     }
 }
