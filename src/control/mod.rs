@@ -15,9 +15,6 @@ pub use feed_forward::{FeedForward, FeedForwardModel};
 pub use linear::{LinearLoop, linear_loop};
 pub use pi::Pi;
 
-#[cfg(test)]
-pub(crate) use controller::tests::valve as test_valve;
-
 /// Gains of the PI controller, Eq. (12).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Gains {
@@ -33,3 +30,6 @@ impl Gains {
     /// The gains of the paper: K_P = 1 mA/bar, K_I = 5 mA/(bar s).
     pub const PAPER: Self = Self { kp_ma_per_bar: 1.0, ki_ma_per_bar_s: 5.0 };
 }
+
+#[cfg(test)]
+pub(crate) use controller::tests::valve as test_valve;

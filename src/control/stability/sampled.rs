@@ -316,7 +316,7 @@ mod tests {
         let (gains, prompt) = (Gains { kp_ma_per_bar: 40.0, ki_ma_per_bar_s: 1000.0 }, LoopPlant { delay_s: 0.0, ..PAPER });
         assert!(!SampledLoop::new(&PAPER, gains, 100.0).stable());
         assert_eq!(SampledLoop::with_predictor(&PAPER, &PAPER, gains, 100.0).stable(), SampledLoop::new(&prompt, gains, 100.0).stable());
-        let gains = Gains { kp_ma_per_bar: 10.0, ki_ma_per_bar_s: 600.0 };
+        let gains = Gains { kp_ma_per_bar: 5.0, ki_ma_per_bar_s: 900.0 };
         assert!(SampledLoop::new(&prompt, gains, 100.0).stable() && !SampledLoop::new(&PAPER, gains, 100.0).stable());
         let closed = SampledLoop::with_predictor(&PAPER, &PAPER, gains, 100.0);
         assert!(closed.stable() && closed.left_of(&[1.0; 400])[399].abs() < 1e-3);
