@@ -49,6 +49,9 @@ pub mod exchange;
 pub mod report;
 
 #[cfg(feature = "program")]
+pub mod station;
+
+#[cfg(feature = "program")]
 #[doc(hidden)]
 pub mod cli;
 

@@ -161,7 +161,8 @@ macro_rules! units {
             $(#[$doc])*
             pub type $alias = Quantity<$marker>;
         )+
-        fn all_units() -> impl Iterator<Item = &'static Unit> { [$(&$constant),+].into_iter() }
+        /// Every unit that quantities are kept in.
+        pub fn all_units() -> impl Iterator<Item = &'static Unit> { [$(&$constant),+].into_iter() }
     };
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// The rooms in the order of dependence: a room may use only those before it.
-const ROOMS: [&str; 23] = [
+const ROOMS: [&str; 24] = [
     "shipped",
     "document",
     "output",
@@ -26,11 +26,13 @@ const ROOMS: [&str; 23] = [
     "fleet",
     "exchange",
     "report",
+    "station",
     "cli",
 ];
 
 /// Rooms that must not use another although it stands before them, with the reason.
-const FORBIDDEN: [(&str, &str, &str); 3] = [
+const FORBIDDEN: [(&str, &str, &str); 4] = [
+    ("station", "rig::wire", "the page sees a run through its observer; it never reaches for the device"),
     ("challenge", "physics", "the plant that conceals an effect is written apart from the effects that explain it"),
     ("report", "rig::profile", "a report shows a record; it never reaches for the device"),
     ("report", "runner", "a report shows a record; it never runs anything"),

@@ -41,6 +41,9 @@ pub struct Retry {
 /// Tests one valve once: a bench, or a thread of a simulation.
 pub type Worker<'a> = Box<dyn FnMut(&Job) -> Result<TestRecord, BatchError> + Send + 'a>;
 
+/// Where a worker's jobs come from; it may wait for the next one.
+pub type Jobs<'a> = Box<dyn Iterator<Item = Job> + Send + 'a>;
+
 /// A record that is on the disk and was read back.
 #[derive(Debug)]
 pub struct Confirmed {
@@ -77,10 +80,26 @@ pub fn run(
     workers: Vec<Worker<'_>>,
     rules: Rules<'_>,
     tally: &mut Tally,
+    told: impl FnMut(&Confirmed),
+) -> Result<(), BatchError> {
+    let jobs = Mutex::new(jobs);
+    let shared = || Box::new(std::iter::from_fn(|| lock(&jobs).next())) as Jobs<'_>;
+    let workers = workers.into_iter().map(|worker| (shared(), worker)).collect();
+    run_each(journal, workers, rules, tally, told)
+}
+
+/// As [`run`], where every worker has jobs of its own: the sites of a station, each with the operator who stands there.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_each<'a>(
+    journal: Journal,
+    workers: Vec<(Jobs<'a>, Worker<'a>)>,
+    rules: Rules<'_>,
+    tally: &mut Tally,
     mut told: impl FnMut(&Confirmed),
 ) -> Result<(), BatchError> {
     let journal = Mutex::new(journal);
-    let jobs = Mutex::new(jobs);
     let failed: Mutex<Option<BatchError>> = Mutex::new(None);
     let halt = AtomicBool::new(false);
     let (sender, receiver) = sync_channel::<Confirmed>(GROUP);
@@ -96,12 +115,12 @@ pub fn run(
         Ok(())
     };
     std::thread::scope(|scope| {
-        for mut worker in workers {
-            let (sender, journal, jobs, failed, halt) = (sender.clone(), &journal, &jobs, &failed, &halt);
+        for (mut jobs, mut worker) in workers {
+            let (sender, journal, failed, halt) = (sender.clone(), &journal, &failed, &halt);
             scope.spawn(move || {
                 let _halt = HaltOnPanic(halt);
                 while !rules.stop.load(Ordering::Relaxed) && !halt.load(Ordering::Relaxed) {
-                    let Some(job) = lock(jobs).next() else { break };
+                    let Some(job) = jobs.next() else { break };
                     if let Err(e) = attempts(&mut worker, job, journal, &sender, rules) {
                         halt.store(true, Ordering::Relaxed);
                         lock(failed).get_or_insert(e);
@@ -110,7 +129,9 @@ pub fn run(
             });
         }
         drop(sender);
-        collect(&receiver, &mut confirmed).unwrap_or_else(|e| {
+        // Where each attempt is on the disk before it begins, valves are real and few: nobody waits for others' records.
+        let wait = if rules.synced { Duration::ZERO } else { WAIT };
+        collect(&receiver, wait, &mut confirmed).unwrap_or_else(|e| {
             halt.store(true, Ordering::Relaxed);
             lock(&failed).get_or_insert(e);
             // Let workers that wait at the full channel go.
@@ -185,11 +206,12 @@ fn attempts(
 
 fn collect(
     receiver: &Receiver<Confirmed>,
+    wait: Duration,
     confirm: &mut dyn FnMut(&mut Vec<Confirmed>) -> Result<(), BatchError>,
 ) -> Result<(), BatchError> {
     let mut group = Vec::with_capacity(GROUP);
     loop {
-        let next = if group.is_empty() { receiver.recv().map_err(|_| RecvTimeoutError::Disconnected) } else { receiver.recv_timeout(WAIT) };
+        let next = if group.is_empty() { receiver.recv().map_err(|_| RecvTimeoutError::Disconnected) } else { receiver.recv_timeout(wait) };
         let flush = match next {
             Ok(one) => {
                 group.push(one);

@@ -82,20 +82,25 @@ pub enum Entry {
     End,
 }
 
-/// Reads one entry of a scanner or a keyboard: a serial number and the end of the line. Blank is an error, `.` or the end of
-/// the input ends the batch. `seen` says what is known of a serial number already.
-pub fn prompt(input: &mut dyn BufRead, common: &Dut, form: &SerialForm, seen: impl Fn(&str) -> Option<String>) -> std::io::Result<Entry> {
-    let mut line = String::new();
-    if input.read_line(&mut line)? == 0 || line.trim() == "." {
-        return Ok(Entry::End);
-    }
-    Ok(match form.check(&line) {
+/// What a scanned or typed serial number comes to; blank is refused. `seen` says what is known of it already.
+pub fn entry(typed: &str, common: &Dut, form: &SerialForm, seen: impl Fn(&str) -> Option<String>) -> Entry {
+    match form.check(typed) {
         Err(e) => Entry::Refused(e.to_string()),
         Ok(serial) => match seen(&serial) {
             Some(what) => Entry::Refused(format!("`{serial}` {what}")),
             None => Entry::Dut(Dut { serial, ..common.clone() }),
         },
-    })
+    }
+}
+
+/// Reads one entry of a scanner or a keyboard: a serial number and the end of the line, which `entry` judges. `.` or the end of
+/// the input ends the batch.
+pub fn prompt(input: &mut dyn BufRead, entry: impl Fn(&str) -> Entry) -> std::io::Result<Entry> {
+    let mut line = String::new();
+    if input.read_line(&mut line)? == 0 || line.trim() == "." {
+        return Ok(Entry::End);
+    }
+    Ok(entry(&line))
 }
 
 #[cfg(test)]
@@ -133,7 +138,8 @@ mod tests {
         let mut input = "\nV01\nV02\n.\n".as_bytes();
         let common = Dut { lot: Some("L".into()), ..Dut::default() };
         let form = SerialForm::default();
-        let mut next = || prompt(&mut input, &common, &form, |s| (s == "V01").then(|| "has passed already".into())).unwrap();
+        let mut next =
+            || prompt(&mut input, |typed| entry(typed, &common, &form, |s| (s == "V01").then(|| "has passed already".into()))).unwrap();
         assert_eq!(next(), Entry::Refused("the serial number is blank".into()));
         assert_eq!(next(), Entry::Refused("`V01` has passed already".into()));
         assert_eq!(next(), Entry::Dut(Dut { serial: "V02".into(), lot: Some("L".into()), ..Dut::default() }));

@@ -34,6 +34,7 @@ pub fn record(serial: &str, seed: u64) -> TestRecord {
             reason: None,
             span_s: Some((0.0, 1.0)),
             measurements: vec![measurement],
+            prompt: None,
         }],
         timing: Timing::default(),
         stability: None,

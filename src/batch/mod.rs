@@ -13,6 +13,7 @@ pub mod journal;
 pub mod master;
 pub mod measuring;
 pub mod msa;
+pub mod offer;
 pub mod population;
 pub mod readings;
 pub mod station;

@@ -3,13 +3,14 @@
 //! A test on an instrument whose calibration has run out proves nothing: it is refused, or the override with its
 //! reason goes into every record.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use jiff::civil::Date;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::BatchError;
+use super::offer::{Offer, Operator, Product, Site};
 use crate::document;
 use crate::units::{Current, Pressure, Temperature, Time};
 
@@ -45,6 +46,21 @@ pub struct Station {
     /// The master valves that open the gate of production.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub master: Option<MasterGate>,
+    /// Folder that holds the records of `hil station`, a batch for every product and day; relative to this file.
+    #[serde(default, skip_serializing)]
+    pub store: Option<PathBuf>,
+    /// Who may test at `hil station`; anybody who gives a name, where none is listed.
+    #[serde(default, rename = "operator_badge", skip_serializing)]
+    pub operators: Vec<Operator>,
+    /// What may be tested at `hil station`.
+    #[serde(default, rename = "product", skip_serializing)]
+    pub products: Vec<Product>,
+    /// The places of `hil station` where a valve is mounted.
+    #[serde(default, rename = "site", skip_serializing)]
+    pub sites: Vec<Site>,
+    /// Valve models that the page of `hil station` may diagnose a recording with: bare names, or paths relative to this file.
+    #[serde(default, skip_serializing)]
+    pub models: Vec<String>,
 }
 
 /// The oil of a station.
@@ -150,7 +166,13 @@ impl Station {
                 return wrong("master.max_age", format!("{} is not positive", gate.max_age));
             }
         }
+        station.offer().check().map_err(|(key, problem)| BatchError::Input(format!("{source_name}: {key}: {problem}")))?;
         Ok(station)
+    }
+
+    /// What the page of the station offers.
+    pub fn offer(&self) -> Offer<'_> {
+        Offer { operators: &self.operators, products: &self.products, sites: &self.sites, models: &self.models }
     }
 
     /// The instruments whose calibration has run out on `today`, as text for a message.

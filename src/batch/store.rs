@@ -61,6 +61,11 @@ pub struct Header {
 }
 
 impl Header {
+    /// Whether a batch with this head may go on with `other`.
+    pub fn continues(&self, other: &Header) -> bool {
+        self.differences(other).is_empty()
+    }
+
     /// What differs in a way that forbids to go on with this batch; the station and the version may change over a night.
     fn differences(&self, other: &Header) -> Vec<&'static str> {
         let pairs = [

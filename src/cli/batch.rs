@@ -1,26 +1,25 @@
 //! `hil batch`: a plan on many valves, every attempt kept, statistics and a page at the end.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use sha2::{Digest, Sha256};
 
-use super::batch_bench::{Bench, Setup};
+use super::answers::Answers;
+use super::batch_bench::Bench;
 use super::batch_folder;
-use super::batch_prompt::{Seen, lock};
+use super::batch_open::{self, Opened};
+use super::batch_prompt::{Entries, Prompted, Seen, lock};
 use super::outputs::Force;
-use super::run::{exit_code, key_value, sha256, stop_on_signals};
-use super::{CliError, CliResult, exit, files};
+use super::run::{exit_code, key_value, stop_on_signals};
+use super::seat::Alone;
+use super::{CliError, CliResult, exit};
+use crate::batch::BatchError;
 use crate::batch::campaign::{self, Confirmed, Job, Retry, Rules};
-use crate::batch::journal::{Kind, Line, encode};
-use crate::batch::population::Population;
-use crate::batch::station::Station;
-use crate::batch::store::{Header, Loaded, SCHEMA, Store};
-use crate::batch::{BatchError, duts, master, summary};
-use crate::output::Outputs;
-use crate::plan::{LimitsFile, Override, Plan, RetryOn, SerialForm};
+use crate::batch::store::Loaded;
+use crate::plan::Override;
 use crate::record::{Dut, Outcome};
 use crate::report;
 
@@ -68,6 +67,9 @@ pub struct BatchArgs {
     /// Test although a calibration has run out; the reason goes into the records.
     #[arg(long, value_name = "REASON")]
     pub override_calibration: Option<String>,
+    /// File with the answers to the questions of the plan; without it they are asked at the terminal.
+    #[arg(long, value_name = "FILE")]
+    pub answers: Option<PathBuf>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -140,55 +142,19 @@ pub fn run(args: &BatchArgs) -> CliResult {
     if args.duts.is_none() && args.count.is_none() && !args.prompt {
         return Err(CliError::usage("give the valves: --duts FILE, --count N (simulated) or --prompt"));
     }
-    let mut plan = files::plan(&args.plan, &args.set)?;
-    let limits_path = files::limits(args.limits.as_deref(), &plan.name)?;
-    let limits = limits_path.as_deref().map(LimitsFile::load).transpose().map_err(CliError::input)?;
-    if let Some(limits) = &limits {
-        plan.apply_limits(limits).map_err(CliError::input)?;
-    }
-    let (station, station_block) = station(args, &plan)?;
-    let population = match &args.population {
-        Some(path) => Some(Population::load(&files::batch_file(path)?).map_err(failed)?),
-        None => args.count.map(|_| Population::standard()),
-    };
-    let form = |_: &Dut| limits.as_ref().map_or_else(SerialForm::default, |l| l.serial.clone());
-    let valves = valves(args, form)?;
-    let setup = Setup::new(&args.rig, plan, population.clone(), args.seed, station.as_ref())?;
-    let header = header(args, &setup, population, limits_path.as_deref().zip(limits.as_ref()), station_block, valves.as_deref())?;
-    let dir = folder(args, &setup.plan.name)?;
-    let begins = !dir.join("batch.json").exists() && !dir.join("journal").exists();
-    let inputs = [Some(&args.plan), args.duts.as_ref(), args.limits.as_ref(), args.station.as_ref(), args.population.as_ref()];
-    let outputs = Outputs::new(args.force.force).reads(inputs.into_iter().flatten()).folder(begins.then_some(&dir), &batch_folder::FILES);
-    let _claim = outputs.claim()?;
-    let store = Store::open(&dir, header, args.resume).map_err(failed)?;
-    let loaded = store.load().map_err(failed)?;
-    refuse_known(args, valves.as_deref())?;
-    conduct(args, &setup, &store, loaded, valves, limits.as_ref())
+    let ready = batch_open::prepare(args)?;
+    let answers = Answers::to(&ready.setup.plan, args.answers.as_deref())?;
+    let dir = batch_open::folder(args, &ready.setup.plan.name)?;
+    conduct(args, ready.open(args, &dir)?, answers)
 }
 
 /// Everything between the open store and the exit code.
-fn conduct(
-    args: &BatchArgs,
-    setup: &Setup,
-    store: &Store,
-    mut loaded: Loaded,
-    valves: Option<Vec<Dut>>,
-    limits: Option<&LimitsFile>,
-) -> CliResult {
+fn conduct(args: &BatchArgs, mut opened: Opened, answers: Answers) -> CliResult {
     let stop = stop_on_signals()?;
-    let mut journal = store.journal().map_err(failed)?;
-    for interrupted in std::mem::take(&mut loaded.interrupted) {
-        let why = format!("interrupted: begun at {}, and the process ended before the record was stored", interrupted.at);
-        let record = setup.without_run(&interrupted.dut, Outcome::Aborted, why);
-        let (position, attempt) = (interrupted.position, interrupted.attempt);
-        let line = Line { event: Kind::Finished, position, attempt, at: now(), dut: None, record: Some(record.clone()) };
-        journal.append(&encode(&line)).map_err(failed)?;
-        loaded.tally.add(position, attempt, &record);
-        loaded.last.insert(position, (attempt, Outcome::Aborted));
-        super::note(&format!("valve {}: attempt {attempt} was interrupted; closed as ABORTED", record.dut.serial));
-    }
-    journal.confirm().map_err(failed)?;
-    let retry = retry(&setup.plan);
+    let journal = opened.journal()?;
+    let Opened { setup, store, mut loaded, valves, limits, claim: _claim } = opened;
+    let (setup, store, limits) = (&setup, &store, limits.as_ref());
+    let retry = batch_open::retry(&setup.plan);
     let total = valves.as_ref().map(Vec::len);
     let done = loaded.last.len();
     if done > 0 {
@@ -199,6 +165,7 @@ fn conduct(
         Some(n) if setup.simulated() && n > 100 => ValveReports::Failed,
         _ => ValveReports::All,
     });
+    let company = Alone(answers);
     let bench = Bench {
         setup,
         dir: store.dir(),
@@ -209,11 +176,13 @@ fn conduct(
         mounted_by_hand: valves.is_some(),
         stop: &stop,
         down: AtomicBool::new(false),
+        company: &company,
+        attended: false,
     };
     let seen = Seen::default();
     let jobs: Box<dyn Iterator<Item = Job> + Send> = match valves {
         Some(valves) => Box::new(remaining(valves, &loaded, &retry, args.retest).into_iter()),
-        None => Box::new(super::batch_prompt::Prompted::new(args, &loaded, limits, Arc::clone(&stop), Arc::clone(&seen))),
+        None => Box::new(Prompted::new(Entries::new(args, &loaded, limits, Arc::clone(&seen)), Arc::clone(&stop))),
     };
     let mut told = Told::new(total, done);
     let rules = Rules { retry: &retry, stop: &stop, clock: &now, synced: !setup.simulated() };
@@ -226,12 +195,7 @@ fn conduct(
         super::note(&format!("what was confirmed is kept in {}; go on with --resume", store.dir().display()));
         return Err(failed(e));
     }
-    let tolerance = |m: &crate::batch::tally::MetricKey| {
-        limits?.tolerance(&m.phase, &m.metric, &m.unit).map(|(min, max)| crate::batch::statistics::Tolerance { min, max })
-    };
-    let dir = store.dir().to_path_buf();
-    let link = |a: &crate::batch::tally::Attempt| batch_folder::report_link(&dir, a);
-    let summary = summary::summarise(store.header(), &loaded.tally, loaded.damage, tolerance, link);
+    let summary = batch_open::summary(store.header(), store.dir(), &loaded.tally, loaded.damage, limits);
     batch_folder::write(store.dir(), &summary, &loaded.tally).map_err(failed)?;
     let printed = match args.format {
         Format::Text => report::batch::text(&summary),
@@ -253,128 +217,6 @@ fn conduct(
         return Ok(exit::ABORTED);
     }
     Ok(exit_code(summary.outcome))
-}
-
-/// The station with its gate and its calibration, as the block of the header.
-fn station(args: &BatchArgs, plan: &Plan) -> Result<(Option<Station>, Option<serde_json::Value>), CliError> {
-    let Some(path) = &args.station else {
-        return Ok((None, args.operator.as_ref().map(|operator| serde_json::json!({ "operator": operator }))));
-    };
-    let station = Station::load(path).map_err(failed)?;
-    let mut overrides = Vec::new();
-    let expired = station.expired(jiff::Zoned::now().date());
-    match (&args.override_calibration, expired.is_empty()) {
-        (_, true) => {}
-        (Some(reason), false) if !reason.trim().is_empty() => {
-            overrides = expired.iter().map(|e| format!("{e}; tested nevertheless: {reason}")).collect();
-        }
-        _ => {
-            let text = format!(
-                "{}: {}. Calibrate, or give --override-calibration REASON, which goes into every record",
-                path.display(),
-                expired.join("; ")
-            );
-            return Err(CliError::input(text));
-        }
-    }
-    let checks = master::read(&master::log_path(path)).map_err(failed)?;
-    let driver = args.rig.wire.driver.as_deref().map(super::on_wire::load_profile).transpose()?;
-    let unreal = args.rig.sim || driver.is_some_and(|p| p.device.emulated);
-    master::open(&station, &checks, &plan.sha256, unreal, jiff::Timestamp::now()).map_err(failed)?;
-    let block = station.provenance(args.operator.as_deref(), &overrides);
-    Ok((Some(station), Some(block)))
-}
-
-/// The valves of the batch; `None` where they are entered one by one.
-fn valves(args: &BatchArgs, form: impl Fn(&Dut) -> SerialForm) -> Result<Option<Vec<Dut>>, CliError> {
-    let mut valves = match (&args.duts, args.count) {
-        (Some(path), _) => duts::read_csv(path, form).map_err(failed)?,
-        (None, Some(count)) => duts::counted(count).map_err(failed)?,
-        (None, None) => return Ok(None),
-    };
-    for dut in &mut valves {
-        let fill = |own: &mut Option<String>, given: &Option<String>| {
-            if own.is_none() {
-                own.clone_from(given);
-            }
-        };
-        fill(&mut dut.part_number, &args.part_number);
-        fill(&mut dut.revision, &args.revision);
-        fill(&mut dut.lot, &args.lot);
-    }
-    Ok(Some(valves))
-}
-
-fn header(
-    args: &BatchArgs,
-    setup: &Setup,
-    population: Option<Population>,
-    limits: Option<(&Path, &LimitsFile)>,
-    station: Option<serde_json::Value>,
-    valves: Option<&[Dut]>,
-) -> Result<Header, CliError> {
-    let plan = &setup.plan;
-    let limits_of = match limits {
-        Some((path, file)) => {
-            let part = [file.part_number.as_deref(), file.revision.as_deref()].into_iter().flatten().collect::<Vec<_>>().join(" ");
-            Some((part, sha256(path)?))
-        }
-        None => None,
-    };
-    let retry = retry(plan);
-    Ok(Header {
-        schema: SCHEMA.into(),
-        plan: plan.name.clone(),
-        plan_sha256: plan.sha256.clone(),
-        parameters: plan.parameters.clone(),
-        overridden: plan.overridden.clone(),
-        simulated: setup.simulated(),
-        seed: args.seed,
-        rig: setup.identity(),
-        valves: valves.map(<[Dut]>::len),
-        valves_sha256: valves.map(|v| hex(&serde_json::to_vec(v).unwrap_or_default())),
-        population,
-        limits: limits_of,
-        decision_rule: limits.map_or(crate::limits::DecisionRule::Simple, |l| l.1.decision_rule).text().into(),
-        attempts: (retry.most, retry.after.iter().map(|o| o.text().to_string()).collect()),
-        station,
-        version: env!("CARGO_PKG_VERSION").into(),
-    })
-}
-
-fn retry(plan: &Plan) -> Retry {
-    let outcome = |on: &RetryOn| match on {
-        RetryOn::Fail => Outcome::Fail,
-        RetryOn::Error => Outcome::Error,
-        RetryOn::Invalid => Outcome::Invalid,
-    };
-    Retry { most: plan.attempts.max.max(1), after: plan.attempts.retry_on.iter().map(outcome).collect() }
-}
-
-/// The folder of the batch: `reports/runs/batch-<plan>-<n>`, the last one with --resume, a new one without.
-fn folder(args: &BatchArgs, plan: &str) -> Result<PathBuf, CliError> {
-    if let Some(dir) = &args.out {
-        return Ok(dir.clone());
-    }
-    let runs = Path::new("reports/runs");
-    let name = |n: u32| runs.join(format!("batch-{plan}-{n}"));
-    let first_free = (1u32..).find(|n| !name(*n).exists()).unwrap_or(1);
-    match (args.resume, first_free) {
-        (false, n) => Ok(name(n)),
-        (true, 1) => Err(CliError::usage(format!("no batch of `{plan}` under {}; give its folder with --out", runs.display()))),
-        (true, n) => Ok(name(n - 1)),
-    }
-}
-
-/// Refuses valves that have passed in an earlier batch.
-fn refuse_known(args: &BatchArgs, valves: Option<&[Dut]>) -> Result<(), CliError> {
-    let (Some(dir), Some(valves)) = (&args.known, valves) else { return Ok(()) };
-    for dut in valves {
-        if let Some(what) = super::batch_prompt::passed_before(dir, &dut.serial).map_err(failed)? {
-            return Err(CliError::input(format!("valve `{}` {what}", dut.serial)));
-        }
-    }
-    Ok(())
 }
 
 /// The valves that are still to be tested, each with the number of its next attempt.

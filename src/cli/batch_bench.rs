@@ -8,9 +8,11 @@ use std::sync::{Mutex, PoisonError};
 use clap::Args;
 
 use super::batch::ValveReports;
+use super::batch_emulated::Emulated;
 use super::batch_folder::attempt_folder;
 use super::on_wire::{self, WireArgs};
 use super::run::{believed, sha256};
+use super::seat::{Company, InTurn, Seat};
 use super::{CliError, exit, files, run_folder};
 use crate::batch::BatchError;
 use crate::batch::campaign::{Job, Retry, Worker};
@@ -19,9 +21,10 @@ use crate::batch::station::Station;
 use crate::output::make_folder_within;
 use crate::plan::Plan;
 use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, Provenance, TestRecord, Timing, Trace};
-use crate::rig::RigIdentity;
+use crate::rig::paced::Paced;
 use crate::rig::profile::{Profile, TransportKind};
 use crate::rig::simulated::SimulatedRig;
+use crate::rig::{Rig, RigIdentity};
 use crate::runner::{self, Prepared, RunOptions};
 use crate::units::Current;
 use crate::valve::Valve;
@@ -56,6 +59,8 @@ pub struct Setup {
     seed: u64,
     /// Driver and line of each site; empty in a simulation.
     sites: Vec<WireArgs>,
+    /// What is emulated at each site, where anything is.
+    emulated: Vec<Option<Emulated>>,
     supply: Option<Mutex<()>>,
 }
 
@@ -76,7 +81,15 @@ impl Setup {
         let prepared = Prepared::new(&plan, &model);
         let shared = station.and_then(|s| s.supply.as_ref()).is_some_and(|s| s.shared);
         let supply = shared.then(Mutex::default);
-        Ok(Self { plan, model, valve, prepared, identity, population, seed, sites, supply })
+        let emulated = vec![None; sites.len()];
+        Ok(Self { plan, model, valve, prepared, identity, population, seed, sites, emulated, supply })
+    }
+
+    /// Puts an emulator at a site, for which the valve of each attempt is mounted anew.
+    pub fn emulate(&mut self, site: usize, emulated: Emulated) {
+        if let Some(place) = self.emulated.get_mut(site) {
+            *place = Some(emulated);
+        }
     }
 
     /// Whether the valves are simulated.
@@ -92,12 +105,39 @@ impl Setup {
     /// One attempt: on the valve at `position` of the population, or on the one that is mounted on `site`. A rig that fails gives a
     /// record that says so.
     pub fn attempt(&self, site: usize, position: usize, attempt: u32, dut: &Dut) -> Result<(TestRecord, Trace), BatchError> {
+        self.attempt_seated(site, position, attempt, dut, Seat::empty())
+    }
+
+    /// As [`Setup::attempt`], with somebody beside it.
+    pub fn attempt_seated(
+        &self,
+        site: usize,
+        position: usize,
+        attempt: u32,
+        dut: &Dut,
+        mut seat: Seat<'_>,
+    ) -> Result<(TestRecord, Trace), BatchError> {
         // The noise of a further attempt is other noise on the same valve.
         let seed = valve_seed(valve_seed(self.seed, position), attempt as usize);
-        let Some(wire) = self.sites.get(site) else { return self.simulate(position, seed, dut) };
+        let Some(wire) = self.sites.get(site) else { return self.simulate(position, seed, dut, seat) };
         // Sites on one supply take turns: a flow that starves the neighbour would be measured as his fault.
-        let _turn = self.supply.as_ref().map(|s| s.lock().unwrap_or_else(PoisonError::into_inner));
-        match on_wire::run(&self.plan, &self.model, dut, seed, wire) {
+        let _turn = self.supply.as_ref().map(|supply| match supply.try_lock() {
+            Ok(turn) => turn,
+            Err(_) => {
+                (seat.waits)();
+                supply.lock().unwrap_or_else(PoisonError::into_inner)
+            }
+        });
+        (seat.begins)();
+        let mounted = match self.emulated.get(site) {
+            Some(Some(emulated)) => {
+                let mounted = emulated.mount(position, seed, wire, self.plan.period_s);
+                Some(mounted.map_err(|e| BatchError::Rig(e.message))?)
+            }
+            _ => None,
+        };
+        let wire = mounted.as_ref().map_or(wire, |m| &m.1);
+        match on_wire::run_seated(&self.plan, &self.model, dut, seed, wire, seat, Some(&self.prepared)) {
             Ok(run) => Ok((run.record, run.trace)),
             Err(on_wire::Failed { error, safe }) => {
                 let outcome = match error.code {
@@ -116,16 +156,31 @@ impl Setup {
         }
     }
 
-    fn simulate(&self, position: usize, seed: u64, dut: &Dut) -> Result<(TestRecord, Trace), BatchError> {
+    fn simulate(&self, position: usize, seed: u64, dut: &Dut, mut seat: Seat<'_>) -> Result<(TestRecord, Trace), BatchError> {
         let (valve, drawn) = match &self.population {
             Some(population) => population.draw(&self.valve, self.seed, position),
             None => (self.valve.clone(), Vec::new()),
         };
         let identity = RigIdentity { details: drawn, ..self.identity.clone() };
         let mut rig = SimulatedRig::new(&valve, self.plan.period_s, Some(seed), identity).map_err(|e| BatchError::Input(e.to_string()))?;
-        // A simulated valve takes milliseconds: it ends, and the campaign stops after it.
-        let options = RunOptions { model: &self.model, dut, seed, stop: None, prepared: Some(&self.prepared) };
-        Ok(runner::run(&self.plan, &mut rig, &options, &mut ()))
+        (seat.begins)();
+        let control = std::sync::Arc::clone(&seat.control);
+        // A simulated valve takes milliseconds: it ends, and the campaign stops after it. One that goes by the clock can be stopped.
+        let stop = seat.paced.then(|| control.stop_flag());
+        let options = RunOptions { model: &self.model, dut, seed, stop, prepared: Some(&self.prepared) };
+        let mut paced;
+        let rig: &mut dyn Rig = if seat.paced {
+            paced = Paced::new(&mut rig);
+            &mut paced
+        } else {
+            &mut rig
+        };
+        let (mut record, trace) = runner::run(&self.plan, rig, &options, &mut InTurn(&mut seat));
+        (seat.look)();
+        if let Some(who) = control.stop_requested() {
+            on_wire::name_the_operator(&mut record, who);
+        }
+        Ok((record, trace))
     }
 
     /// The record of an attempt of which there is no measurement.
@@ -137,6 +192,7 @@ impl Setup {
             reason: Some("nothing of it was stored".into()),
             span_s: None,
             measurements: Vec::new(),
+            prompt: None,
         };
         let plan = &self.plan;
         TestRecord {
@@ -222,6 +278,10 @@ pub struct Bench<'a> {
     pub stop: &'a AtomicBool,
     /// Set when the station failed for good on a valve: the next one would fare no better.
     pub down: AtomicBool,
+    /// Who sits at the sites.
+    pub company: &'a dyn Company,
+    /// Whether somebody sees every verdict and decides what comes next: then an error ends no batch.
+    pub attended: bool,
 }
 
 impl Bench<'_> {
@@ -239,18 +299,26 @@ impl Bench<'_> {
             input.read_line(&mut String::new()).map_err(|e| BatchError::Rig(format!("stdin: {e}")))?;
         }
         let started = super::batch::now();
-        let (mut record, trace) = self.setup.attempt(site, job.position, job.attempt, &job.dut)?;
+        let (mut record, trace) = self.setup.attempt_seated(site, job.position, job.attempt, &job.dut, self.company.seat(site, job))?;
         if !self.setup.simulated() && self.setup.sites.len() > 1 {
             record.rig.details.push(("site".into(), (site + 1).to_string()));
         }
         let further = job.attempt < self.retry.most && self.retry.after.contains(&record.outcome);
         // Nothing else is tried on a bench whose current nobody saw go.
-        if record.ended_unsafe() || record.outcome == Outcome::Error && !self.setup.simulated() && !further {
+        if record.ended_unsafe() || record.outcome == Outcome::Error && !self.setup.simulated() && !further && !self.attended {
             self.down.store(true, Ordering::Relaxed);
             self.stop.store(true, Ordering::Relaxed);
         }
         let version = env!("CARGO_PKG_VERSION").to_string();
-        record.provenance = Some(Provenance { version: version.clone(), started: started.clone(), station: self.station.cloned() });
+        // Where the operator changes from valve to valve, each record names its own.
+        let operator = self.company.operator(site).map(|name| serde_json::json!({ "operator": name }));
+        let mut station = self.station.cloned();
+        match (station.as_mut().and_then(|s| s.as_object_mut()), &operator) {
+            (Some(block), Some(own)) => block.extend(own.as_object().cloned().into_iter().flatten()),
+            (None, Some(_)) => station.clone_from(&operator),
+            _ => {}
+        }
+        record.provenance = Some(Provenance { version: version.clone(), started: started.clone(), station });
         let accepted = matches!(record.outcome, Outcome::Pass | Outcome::Marginal);
         if self.reports == ValveReports::All || (self.reports == ValveReports::Failed && !accepted) {
             let below = attempt_folder(&job.dut.serial, job.attempt);
@@ -262,7 +330,7 @@ impl Bench<'_> {
         // What all attempts share stands once, in plan, model and head of the batch, and not in every line of the journal.
         record.stability = None;
         record.model = None;
-        record.provenance = Some(Provenance { version, started, station: None });
+        record.provenance = Some(Provenance { version, started, station: operator });
         Ok(record)
     }
 }

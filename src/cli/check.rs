@@ -22,13 +22,14 @@ pub struct CheckArgs {
 }
 
 /// The kinds of file that are known, by their schema key.
-const KINDS: [&str; 7] = [
+const KINDS: [&str; 8] = [
     crate::plan::SCHEMA,
     "hil.valve/1",
     "hil.driver/1",
     crate::batch::station::SCHEMA,
     crate::batch::population::SCHEMA,
     LIMITS_SCHEMA,
+    super::answers::SCHEMA,
     files::SCHEMA,
 ];
 
@@ -67,11 +68,19 @@ fn check(path: &Path) -> Result<String, CliError> {
             let station = crate::batch::station::Station::load(path).map_err(CliError::input)?;
             let expired = station.expired(jiff::Zoned::now().date());
             let calibration = if expired.is_empty() { "calibrated".to_string() } else { format!("EXPIRED: {}", expired.join("; ")) };
-            Ok(format!("station `{}`, {} instruments, {calibration}", station.id, station.instruments.len()))
+            let offer = match (station.products.len(), station.sites.len()) {
+                (0, 0) => String::new(),
+                (products, sites) => format!(", a page with {products} products and {sites} sites"),
+            };
+            Ok(format!("station `{}`, {} instruments, {calibration}{offer}", station.id, station.instruments.len()))
         }
         Some(crate::batch::population::SCHEMA) => {
             crate::batch::population::Population::load(path).map_err(CliError::input)?;
             Ok("population".into())
+        }
+        Some(super::answers::SCHEMA) => {
+            let answers = super::answers::AnswersFile::load(path)?;
+            Ok(format!("{} answers", answers.answers.len()))
         }
         Some(LIMITS_SCHEMA) => {
             let limits = LimitsFile::load(path).map_err(CliError::input)?;

@@ -34,6 +34,11 @@ pub fn note(state: &SafeState) {
     }
 }
 
+/// Somebody has taken away what was left energised.
+pub fn settled(evidence: &str) {
+    UNCONFIRMED.lock().unwrap_or_else(PoisonError::into_inner).retain(|known| known != evidence);
+}
+
 /// Says it, where there is anything to say; the exit code of the process.
 pub fn say(code: u8) -> u8 {
     let unconfirmed = std::mem::take(&mut *UNCONFIRMED.lock().unwrap_or_else(PoisonError::into_inner));

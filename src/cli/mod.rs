@@ -4,10 +4,13 @@
 //! and CI: see [`exit`].
 
 mod accept;
+mod answers;
 mod batch;
 mod batch_bench;
 mod batch_diff;
+mod batch_emulated;
 mod batch_folder;
+mod batch_open;
 mod batch_prompt;
 mod challenge;
 mod challenge_contestant;
@@ -50,8 +53,10 @@ mod run;
 mod run_fmu;
 mod run_folder;
 mod schema;
+mod seat;
 mod shard;
 mod simulate;
+mod station;
 mod tune;
 
 use std::io::Write;
@@ -214,6 +219,11 @@ enum Command {
         after_help = "Examples:\n  hil batch tipin --count 100 --sim\n  hil batch tipin --count 10000 --sim --population population --out reports/runs/big\n  hil batch tipin --duts lot.csv --sim --station station.toml --limits part.toml\n  hil batch tipin --count 10000 --sim --out reports/runs/big --resume"
     )]
     Batch(Box<batch::BatchArgs>),
+    /// Serve the page of a test station: operators test valves, engineers watch.
+    #[command(
+        after_help = "Examples:\n  hil station emulated\n  hil station bench.toml --listen 0.0.0.0:8080 --token-file /etc/hil/token --viewer-token\n\nOpen the printed address in a browser. Ctrl-C stops what runs, makes it safe, stores it."
+    )]
+    Station(station::StationArgs),
     /// Ask the records of many batches: by serial number, lot, metric, time.
     #[command(
         after_help = "Examples:\n  hil history --serial SIM-000017\n  hil history reports/runs --lot L7 --metric tip-in/rmse\n  hil history --outcome FAIL --since 2026-11-21"
@@ -298,6 +308,7 @@ pub fn main() -> u8 {
         Command::Diff(args) => diff::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Batch(args) => batch::run(&args),
+        Command::Station(args) => station::run(&args),
         Command::History(args) => history::run(&args),
         Command::Msa(args) => msa::run(&args),
         Command::Master(args) => master::run(&args),

@@ -5,17 +5,19 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::Consumer;
 
+use super::answers::Answers;
 use super::last_word::{self, Watched};
+use super::seat::Seat;
 use super::{CliError, exit};
 use crate::plan::Plan;
 use crate::record::{Dut, Outcome, TestRecord, Trace};
-use crate::rig::loop_thread::{self, LoopControl, safe_text};
+use crate::rig::loop_thread::{self, LoopControl, OPERATOR, safe_text};
 use crate::rig::profile::Profile;
 use crate::rig::wire::TracedFrame;
 use crate::rig::{Endpoint, Options, Quality, RigError, SafeState, open};
-use crate::runner::{self, Observer, Progress, RunOptions};
+use crate::runner::{self, Attended, Feed, Glance, Prepared, RunOptions, STOPPED, glances};
 use crate::units::{Current, Pressure};
 use crate::valve::Valve;
 
@@ -103,17 +105,35 @@ impl From<CliError> for Failed {
     }
 }
 
-/// Runs a plan on hardware, on a thread of its own.
-pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) -> Result<WireRun, Failed> {
+/// Runs a plan on hardware, on a thread of its own, with a person at the terminal.
+pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs, answers: &Answers) -> Result<WireRun, Failed> {
+    let (feed, mut view) = live_view(args.watch);
+    let seat = Seat { feed: Some(feed), look: Box::new(|| view.show()), attendant: answers.attendant(), ..Seat::empty() };
+    let run = run_seated(plan, model, dut, seed, args, seat, None);
+    view.finish();
+    run
+}
+
+/// Runs a plan on hardware, on a thread of its own, with `seat` beside it.
+pub fn run_seated(
+    plan: &Plan,
+    model: &Valve,
+    dut: &Dut,
+    seed: u64,
+    args: &WireArgs,
+    seat: Seat<'_>,
+    prepared: Option<&Prepared>,
+) -> Result<WireRun, Failed> {
+    let Seat { control, mut look, feed, attendant, .. } = seat;
+    let mut observer = Attended { observer: feed.unwrap_or_else(|| glances(1).0), attendant };
+    let prepared = prepared.cloned();
     let profile = load_profile(args.driver.as_deref().unwrap_or_default())?;
     let at = endpoint(&args.port, &args.tcp, "--driver")?;
     let pressure_source = match &args.pressure_driver {
         Some(name) => Some((load_profile(name)?, endpoint(&args.pressure_port, &args.pressure_tcp, "--pressure-driver")?)),
         None => None,
     };
-    let control = Arc::new(LoopControl::default());
     let _watched = Watched(Arc::clone(&control));
-    let (producer, mut view) = live_view(args.watch);
     let (plan, model, dut) = (plan.clone(), model.clone(), dut.clone());
     let options = Options {
         current_max_a: args.max_current.map(|q| q.value()),
@@ -127,8 +147,8 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
     let body = move |privileges| -> Result<WireRun, RigError> {
         let options = Options { privileges: Some(privileges), ..options };
         let mut rig = open(&profile, &at, plan.period_s, options)?;
-        let run = RunOptions { model: &model, dut: &dut, seed, stop: Some(inside.stop_flag()), prepared: None };
-        let (mut record, trace) = runner::run(&plan, &mut rig, &run, &mut Feed(producer));
+        let run = RunOptions { model: &model, dut: &dut, seed, stop: Some(inside.stop_flag()), prepared: prepared.as_ref() };
+        let (mut record, trace) = runner::run(&plan, &mut rig, &run, &mut observer);
         let (losses, last) = rig.losses();
         if rig.watchdog_proofs() > 0 {
             record.rig.details.push(("watchdog re-proven".into(), format!("{} times during the run", rig.watchdog_proofs())));
@@ -141,8 +161,9 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
             );
             record.rig.details.push(("lost samples".into(), counts));
         }
-        if let Some(signal) = inside.stop_requested() {
-            record.rig.details.push(("stopped by".into(), signal.into()));
+        if let Some(who) = inside.stop_requested() {
+            record.rig.details.push(("stopped by".into(), who.into()));
+            name_the_operator(&mut record, who);
         }
         let ended_badly = lost || !matches!(record.outcome, Outcome::Pass | Outcome::Marginal | Outcome::Fail | Outcome::NotRun);
         let frames = if ended_badly { rig.trace() } else { Vec::new() };
@@ -155,8 +176,8 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
         }
         Ok(WireRun { record, trace, frames })
     };
-    let result = loop_thread::run(&control, body, || view.show());
-    view.finish();
+    let result = loop_thread::run(&control, body, &mut look);
+    look();
     match result {
         Ok(Ok(run)) => {
             // What the record says is said, also where a later attempt reached what this one did not.
@@ -171,6 +192,14 @@ pub fn run(plan: &Plan, model: &Valve, dut: &Dut, seed: u64, args: &WireArgs) ->
             let unknown = || control.left_energised().then(|| SafeState::of(false, "the loop ended before it could be read back"));
             Err(Failed { error: CliError { code, message: error.to_string() }, safe: control.safe_state().or_else(unknown) })
         }
+    }
+}
+
+/// A run that a person stopped says so, instead of a signal.
+pub fn name_the_operator(record: &mut TestRecord, who: &str) {
+    if who == OPERATOR {
+        let reasons = record.reasons.iter_mut().chain(record.phases.iter_mut().filter_map(|p| p.reason.as_mut()));
+        reasons.filter(|r| *r == STOPPED).for_each(|r| *r = format!("stopped by {OPERATOR}"));
     }
 }
 
@@ -199,56 +228,23 @@ fn frame_text(frame: &TracedFrame) -> String {
     format!("{:.4} {} {}", frame.time_s, if frame.sent { ">" } else { "<" }, bytes.join(" "))
 }
 
-/// One line of the live view.
-#[derive(Debug, Clone, Copy)]
-struct Glance {
-    sample: usize,
-    samples: usize,
-    time_s: f64,
-    target_bar: f64,
-    pressure_bar: f64,
-    current_a: f64,
-    quality: Quality,
-    lateness_s: f64,
-}
+/// The columns of [`line`].
+const HEADING: &str = " done  time s target bar pressure bar current A late ms quality     not good";
 
-impl Glance {
-    /// The columns of [`Glance::line`].
-    const HEADING: &'static str = " done  time s target bar pressure bar current A late ms quality     not good";
-
-    /// Within 80 columns, so that a narrow terminal does not wrap it.
-    fn line(&self, not_good: u64) -> String {
-        let number = |value: f64, digits: usize| if value.is_finite() { format!("{value:.digits$}") } else { "-".into() };
-        format!(
-            "{:>3} % {:>7.1} {:>10} {:>12} {:>9} {:>7} {:<11} {:>8}",
-            100 * self.sample / self.samples.max(1),
-            self.time_s,
-            number(self.target_bar, 2),
-            number(self.pressure_bar, 2),
-            number(self.current_a, 3),
-            number(self.lateness_s * 1e3, 2),
-            self.quality.name(),
-            not_good
-        )
-    }
-}
-
-/// The loop's end of the queue: a full queue drops the glance, the loop never waits.
-struct Feed(Producer<Glance>);
-
-impl Observer for Feed {
-    fn sample(&mut self, p: &Progress<'_>) {
-        let _ = self.0.push(Glance {
-            sample: p.sample,
-            samples: p.samples,
-            time_s: p.measured.time_s,
-            target_bar: p.target_bar,
-            pressure_bar: p.measured.pressure_bar,
-            current_a: p.current_a,
-            quality: p.measured.quality,
-            lateness_s: p.measured.lateness_s,
-        });
-    }
+/// Within 80 columns, so that a narrow terminal does not wrap it.
+fn line(glance: &Glance, not_good: u64) -> String {
+    let number = |value: f64, digits: usize| if value.is_finite() { format!("{value:.digits$}") } else { "-".into() };
+    format!(
+        "{:>3} % {:>7.1} {:>10} {:>12} {:>9} {:>7} {:<11} {:>8}",
+        100 * glance.sample / glance.samples.max(1),
+        glance.time_s,
+        number(glance.target_bar, 2),
+        number(glance.pressure_bar, 2),
+        number(glance.current_a, 3),
+        number(glance.lateness_s * 1e3, 2),
+        glance.quality.name(),
+        not_good
+    )
 }
 
 /// The supervisor's end: draws at most ten times a second.
@@ -260,9 +256,9 @@ struct View {
     drawn: bool,
 }
 
-fn live_view(watch: bool) -> (Producer<Glance>, View) {
-    let (producer, queue) = RingBuffer::new(256);
-    (producer, View { queue, watch, shown: Instant::now(), bad: 0, drawn: false })
+fn live_view(watch: bool) -> (Feed, View) {
+    let (feed, queue) = glances(256);
+    (feed, View { queue, watch, shown: Instant::now(), bad: 0, drawn: false })
 }
 
 impl View {
@@ -274,12 +270,12 @@ impl View {
         }
         let Some(g) = last.filter(|_| self.watch && self.shown.elapsed() > Duration::from_millis(100)) else { return };
         self.shown = Instant::now();
-        let line = g.line(self.bad);
+        let line = line(&g, self.bad);
         // On a terminal one line is written over and over; elsewhere each stands for itself.
         use std::io::{IsTerminal, Write};
         let mut err = std::io::stderr();
         if !std::mem::replace(&mut self.drawn, true) {
-            let _ = writeln!(err, "{}", Glance::HEADING);
+            let _ = writeln!(err, "{HEADING}");
         }
         let _ = if err.is_terminal() { write!(err, "\r{line}\x1b[K") } else { writeln!(err, "{line}") };
         let _ = err.flush();
@@ -302,6 +298,8 @@ mod tests {
         let glance = Glance {
             sample: 359_999,
             samples: 360_000,
+            phase: 0,
+            current_meas_a: f64::NAN,
             time_s: 3599.99,
             target_bar: 123.456,
             pressure_bar: f64::NAN,
@@ -309,10 +307,10 @@ mod tests {
             quality: Quality::Implausible,
             lateness_s: 0.01234,
         };
-        insta::assert_snapshot!(format!("{}\n{}", Glance::HEADING, glance.line(123_456)), @"
+        insta::assert_snapshot!(format!("{HEADING}\n{}", line(&glance, 123_456)), @"
          done  time s target bar pressure bar current A late ms quality     not good
          99 %  3600.0     123.46            -     1.200   12.34 implausible   123456
         ");
-        assert!(Glance::HEADING.len() < 80 && glance.line(123_456).len() < 80);
+        assert!(HEADING.len() < 80 && line(&glance, 123_456).len() < 80);
     }
 }

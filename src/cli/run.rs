@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use sha2::{Digest, Sha256};
 
+use super::answers::Answers;
 use super::on_wire::{self, WireArgs};
 use super::outputs::{Force, RUN};
 use super::progress::Bar;
@@ -19,7 +20,7 @@ use crate::record::{Dut, Outcome, Provenance, TestRecord, Trace};
 use crate::report;
 use crate::rig::simulated::SimulatedRig;
 use crate::rig::{RigIdentity, signals};
-use crate::runner::{self, RunOptions};
+use crate::runner::{self, Attended, RunOptions};
 use crate::valve::Valve;
 
 /// Arguments of `hil run`.
@@ -46,6 +47,9 @@ pub struct RunArgs {
     /// Limits file of the part, replacing the plan's limits.
     #[arg(long, value_name = "FILE")]
     pub limits: Option<PathBuf>,
+    /// File with the answers to the questions of the plan; without it they are asked at the terminal.
+    #[arg(long, value_name = "FILE")]
+    pub answers: Option<PathBuf>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -93,16 +97,18 @@ pub fn run(args: &RunArgs) -> CliResult {
     let (valve, valve_path) = files::valve_under(&plan, args.valve.as_deref())?;
     let model = believed(&plan, &valve)?;
     plan.check_valve(&model).and_then(|()| plan.check_valve(&valve)).map_err(CliError::input)?;
+    let answers = Answers::to(&plan, args.answers.as_deref())?;
     let dut = dut(args, &valve);
     let folder = match &args.out {
         Some(folder) => folder.clone(),
         None => run_folder::new_folder(&plan.name, &dut.serial)?,
     };
-    let inputs = [&files::find_plan(&args.plan)?, &valve_path].into_iter().chain(&args.limits).cloned().collect::<Vec<_>>();
+    let inputs =
+        [&files::find_plan(&args.plan)?, &valve_path].into_iter().chain(&args.limits).chain(&args.answers).cloned().collect::<Vec<_>>();
     let _claim = Outputs::new(args.force.force).reads(inputs).folder(Some(&folder), &RUN).claim()?;
     let started = jiff::Timestamp::now();
     let (mut record, trace) = if args.wire.driver.is_some() {
-        let run = on_wire::run(&plan, &model, &dut, args.seed, &args.wire).inspect_err(|_| {
+        let run = on_wire::run(&plan, &model, &dut, args.seed, &args.wire, &answers).inspect_err(|_| {
             // A run that never began leaves no empty folder behind; one that holds anything stays.
             let _ = std::fs::remove_dir(&folder);
         })?;
@@ -119,9 +125,9 @@ pub fn run(args: &RunArgs) -> CliResult {
         let mut rig = SimulatedRig::new(&valve, plan.period_s, Some(args.seed), identity).map_err(CliError::input)?;
         let stop = stop_on_signals()?;
         let options = RunOptions { model: &model, dut: &dut, seed: args.seed, stop: Some(&stop), prepared: None };
-        let mut bar = Bar::new();
+        let mut bar = Attended { observer: Bar::new(), attendant: answers.attendant() };
         let result = runner::run(&plan, &mut rig, &options, &mut bar);
-        bar.finish();
+        bar.observer.finish();
         result
     };
     record.provenance = Some(Provenance { version: env!("CARGO_PKG_VERSION").into(), started: started.to_string(), station: None });

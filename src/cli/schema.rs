@@ -25,6 +25,8 @@ pub enum Kind {
     Limits,
     /// A station
     Station,
+    /// Answers to the questions of a plan
+    Answers,
     /// A simulated population
     Population,
     /// A project
@@ -44,6 +46,7 @@ pub fn text(kind: Kind) -> Result<String, CliError> {
         Kind::Limits => schemars::schema_for!(crate::plan::LimitsFile),
         Kind::Valve => schemars::schema_for!(crate::valve::ValveFile),
         Kind::Station => schemars::schema_for!(crate::batch::station::Station),
+        Kind::Answers => schemars::schema_for!(super::answers::AnswersFile),
         Kind::Population => schemars::schema_for!(crate::batch::population::Population),
         Kind::Driver => schemars::schema_for!(crate::rig::profile::ProfileFile),
         Kind::Project => schemars::schema_for!(super::files::ProjectFile),

@@ -104,7 +104,10 @@ fn checked(file: PlanFile, source: Source, overridden: Vec<String>) -> Result<Pl
             }
             let phase = phase(written, role, before, &source, controller, file.on_fail, period_s)?;
             interlocked(&phase, &file.interlocks)?;
-            before = Some(Level { kind: phase.waveform.kind(), value: phase.waveform.at(phase.waveform.duration_s()) });
+            // A question changes nothing of where the valve stands.
+            if phase.prompt.is_none() {
+                before = Some(Level { kind: phase.waveform.kind(), value: phase.waveform.at(phase.waveform.duration_s()) });
+            }
             phases.push(phase);
         }
     }
@@ -170,7 +173,16 @@ fn phase(
     on_fail: super::OnFail,
     period_s: f64,
 ) -> Result<Phase, Wrong> {
-    let waveform = waveform(&file.stimulus, before, &source.folder)?;
+    let stimulus = match (&file.stimulus, &file.prompt) {
+        (Some(stimulus), None) => stimulus,
+        (None, Some(written)) => return asking(file, written, role, source, controller),
+        (Some(_), Some(prompt)) => return Err(Wrong::new(prompt.span(), "a phase has a `stimulus` or a `prompt`, not both")),
+        (None, None) => {
+            let message = format!("the phase `{}` has neither a `stimulus` nor a `prompt`", file.name.get_ref());
+            return Err(Wrong::new(file.name.span(), message));
+        }
+    };
+    let waveform = waveform(stimulus, before, &source.folder)?;
     let repeat = match &file.repeat {
         Some(repeat) if !(1..=100_000).contains(repeat.get_ref()) => {
             return Err(Wrong::new(repeat.span(), "1 to 100000 repetitions are allowed"));
@@ -205,10 +217,38 @@ fn phase(
         name: file.name.get_ref().clone(),
         role,
         waveform,
+        prompt: None,
         repeat,
         controller: file.controller.over(controller)?,
         measures,
         on_fail: file.on_fail.unwrap_or(on_fail),
+    })
+}
+
+/// A phase that asks a person.
+fn asking(
+    file: &PhaseFile,
+    written: &Spanned<super::PromptFile>,
+    role: Role,
+    source: &Source,
+    controller: crate::control::ControllerSettings,
+) -> Result<Phase, Wrong> {
+    if let Some(measure) = file.measure.first() {
+        return Err(Wrong::new(measure.metric.span(), "a phase with a `prompt` measures nothing but the answer"));
+    }
+    if let Some(repeat) = &file.repeat {
+        return Err(Wrong::new(repeat.span(), "a phase with a `prompt` asks once"));
+    }
+    Ok(Phase {
+        name: file.name.get_ref().clone(),
+        role,
+        waveform: super::Waveform::none(),
+        prompt: Some(super::prompt::checked(written, source)?),
+        repeat: 1,
+        controller,
+        measures: Vec::new(),
+        // Nobody goes on where the answer says no, unless the plan says so.
+        on_fail: file.on_fail.unwrap_or(super::OnFail::Stop),
     })
 }
 

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
+use super::prompt::PromptFile;
 use super::{ControllerFile, StimulusFile};
 use crate::limits::Bound;
 use crate::metrics::MetricSpec;
@@ -96,9 +97,12 @@ pub struct PhaseFile {
     /// Name, unique in the plan.
     #[schemars(with = "String")]
     pub name: Spanned<String>,
-    /// What is commanded: pressures close the loop, currents open it.
-    #[schemars(with = "StimulusFile")]
-    pub stimulus: Spanned<StimulusFile>,
+    /// What is commanded: pressures close the loop, currents open it. A phase has this or `prompt`.
+    #[schemars(with = "Option<StimulusFile>")]
+    pub stimulus: Option<Spanned<StimulusFile>>,
+    /// What a person is asked. Such a phase commands nothing and measures nothing but the answer.
+    #[schemars(with = "Option<PromptFile>")]
+    pub prompt: Option<Spanned<PromptFile>>,
     /// How often the stimulus runs; once by default.
     #[schemars(with = "Option<u32>")]
     pub repeat: Option<Spanned<u32>>,

@@ -10,6 +10,7 @@ mod file;
 mod level;
 mod limits_file;
 mod parameters;
+mod prompt;
 mod serial;
 mod stimulus;
 mod stimulus_table;
@@ -27,6 +28,7 @@ pub use file::{
 pub use level::{Level, LevelKind, LevelRate};
 pub use limits_file::{LIMITS_SCHEMA, LimitEntry, LimitsFile};
 pub use parameters::Override;
+pub use prompt::{Answer, AnswerFile, Kind as PromptKind, Picture, Prompt, PromptFile};
 pub use serial::{CheckCharacter, SerialError, SerialForm};
 pub use stimulus::StimulusFile;
 pub use territory::{allow_anywhere, project};
@@ -109,6 +111,8 @@ pub struct Phase {
     pub role: Role,
     /// What is commanded: a current (open loop) or a pressure (closed loop).
     pub waveform: Waveform,
+    /// What a person is asked instead of a command.
+    pub prompt: Option<Prompt>,
     /// How often the stimulus runs.
     pub repeat: u32,
     /// The controller in this phase.
@@ -122,6 +126,9 @@ pub struct Phase {
 impl Phase {
     /// Samples of one repetition.
     pub fn samples_per_repetition(&self, period_s: f64) -> usize {
+        if self.prompt.is_some() {
+            return 0;
+        }
         ((self.waveform.duration_s() / period_s).round() as usize).max(1)
     }
 
@@ -200,6 +207,11 @@ impl Plan {
     /// Whether any phase closes the loop with feedback.
     pub fn closes_the_loop(&self) -> bool {
         self.phases.iter().any(|p| p.closed_loop() && p.controller.mode != crate::control::Mode::FeedForward)
+    }
+
+    /// The phases that ask a person, with their questions.
+    pub fn prompts(&self) -> impl Iterator<Item = (&Phase, &Prompt)> {
+        self.phases.iter().filter_map(|p| Some((p, p.prompt.as_ref()?)))
     }
 
     /// The folder of the plan's file, which paths in it are relative to.

@@ -99,7 +99,7 @@ fn wrong_units_keys_and_types_are_underlined() {
        = help: did you mean `settling_time`?
     "#);
     insta::assert_snapshot!(refused("repeat =", "repeet ="), @r#"
-    unknown field `repeet`, expected one of `name`, `stimulus`, `repeat`, `controller`, `measure`, `on_fail`
+    unknown field `repeet`, expected one of `name`, `stimulus`, `prompt`, `repeat`, `controller`, `measure`, `on_fail`
       --> example.toml:20:1
        |
     20 | repeet = "$turns"
@@ -283,4 +283,33 @@ fn what_could_never_pass_is_found_before_a_valve_moves() {
     assert!(pressure.contains("phase `step` asks for 20 bar, and the interlock `max_pressure` stops the run above 15 bar"), "{pressure}");
     let current = refused("[controller]", "[interlocks]\nmax_current = \"50 mA\"\n\n[controller]");
     assert!(current.contains("phase `open` asks for 0.1 A"), "{current}");
+}
+
+#[test]
+fn a_question_is_checked_like_everything_else() {
+    let plan_of = |text: &str| Plan::from_toml(text, "example.toml", Path::new("."), &[]);
+    let before = |prompt: &str| plan_of(&PLAN.replacen("[[phase]]", &format!("[[setup]]\nname = \"ask\"\n{prompt}\n\n[[phase]]"), 1));
+    let plan = before("prompt = { text = \"Current?\", answer.number = { unit = \"mA\", limit = { max = \"0.5 A\" } } }").unwrap();
+    let (phase, prompt) = plan.prompts().next().unwrap();
+    assert_eq!((phase.samples_per_repetition(plan.period_s), phase.on_fail, prompt.timeout_s), (0, OnFail::Stop, 600.0));
+    let judged = |typed: &str| prompt.kind.answer(typed).map(|a| (a.value, a.verdict));
+    use crate::limits::Verdict::{Fail, Pass};
+    assert_eq!(judged("400"), Ok((Some(0.4), Some(Pass))), "a number without a unit is in the unit of the question");
+    assert_eq!(judged("0,6 A"), Ok((Some(0.6), Some(Fail))));
+    assert!(judged("0.6 bar").unwrap_err().contains("current"));
+    let message = |prompt: &str| before(prompt).unwrap_err().to_string();
+    assert!(message("prompt = { text = \" \" }").contains("`text` is blank"));
+    assert!(message("prompt = { text = \"x\", answer.choice = { options = [\"a\"] } }").contains("two options"));
+    assert!(
+        message("prompt = { text = \"x\", answer.choice = { options = [\"a\", \"b\"], accept = [\"c\"] } }")
+            .contains("`c` is accepted, but is no option: a, b")
+    );
+    assert!(message("prompt = { text = \"x\", answer.number = { unit = \"foot\" } }").contains("`foot` is no unit; there are: A, bar"));
+    assert!(message("prompt = { text = \"x\", picture = \"none.png\" }").contains("none.png"));
+    assert!(message("prompt = { text = \"x\", picture = \"/etc/passwd\" }").contains("outside of the plan's project"));
+    assert!(message("prompt = { text = \"x\", picture = \"Cargo.toml\" }").contains("neither PNG nor JPEG"));
+    assert!(message("prompt = { text = \"x\", timeout = \"0 s\" }").contains("not positive"));
+    assert!(message("repeat = 2\nprompt = { text = \"x\" }").contains("asks once"));
+    assert!(message("stimulus.hold = { at = \"1 bar\", for = \"1 s\" }\nprompt = { text = \"x\" }").contains("not both"));
+    assert!(message("").contains("neither a `stimulus` nor a `prompt`"));
 }

@@ -82,6 +82,11 @@ impl Waveform {
         Self { kind, pieces, ends_s, levels }
     }
 
+    /// Nothing is commanded.
+    pub(super) fn none() -> Self {
+        Self::new(LevelKind::Current, vec![Piece::Line { from: 0.0, to: 0.0, duration_s: 0.0 }], Vec::new())
+    }
+
     /// What it commands.
     pub fn kind(&self) -> LevelKind {
         self.kind

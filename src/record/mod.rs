@@ -127,6 +127,23 @@ pub struct PhaseRecord {
     pub span_s: Option<(f64, f64)>,
     /// What was measured, in the order of the plan.
     pub measurements: Vec<Measurement>,
+    /// What a person was asked, and answered; `None` where the phase asks nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prompt: Option<PromptRecord>,
+}
+
+/// A question and its answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PromptRecord {
+    /// What was asked.
+    pub text: String,
+    /// `confirm`, `number`, `choice` or `remark`.
+    pub kind: String,
+    /// What was answered; `None` where nobody did.
+    pub answer: Option<String>,
+    /// Where the answer came from: `page`, `terminal` or `file`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<String>,
 }
 
 /// One figure with its definition and, where there is one, its limit.

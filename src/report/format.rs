@@ -81,6 +81,17 @@ pub fn definition(measurement: &Measurement) -> String {
     if measurement.definition.starts_with(id) { measurement.definition.clone() } else { format!("{id}: {}", measurement.definition) }
 }
 
+/// What a person was asked in a phase, and answered.
+pub fn asked(phase: &PhaseRecord) -> Option<String> {
+    let prompt = phase.prompt.as_ref()?;
+    let answer = match (&prompt.answer, &prompt.by) {
+        (Some(answer), Some(by)) => format!("answered \u{201c}{answer}\u{201d} ({by})"),
+        (Some(answer), None) => format!("answered \u{201c}{answer}\u{201d}"),
+        (None, _) => "not answered".into(),
+    };
+    Some(format!("asked \u{201c}{}\u{201d}, {answer}", prompt.text))
+}
+
 /// From when to when a phase ran.
 pub fn span(phase: &PhaseRecord) -> String {
     phase.span_s.map_or_else(|| "did not run".into(), |(from, to)| format!("{from:.3} .. {to:.3} s"))

@@ -60,8 +60,14 @@ fn phase_case(record: &TestRecord, phase: &PhaseRecord) -> TestCase {
     // A missed limit is told by its own case; the phase repeats only what no measurement says.
     let told = phase.outcome == Outcome::Fail && phase.measurements.iter().any(|m| m.outcome == Outcome::Fail);
     let outcome = if told { Outcome::Pass } else { phase.outcome };
-    let mut case =
-        TestCase::new(format!("{}: phase ran", phase.name), status(outcome, phase.reason.as_deref().unwrap_or(""), phase.span_s.is_some()));
+    let mut case = TestCase::new(
+        format!("{}: phase ran", phase.name),
+        status(
+            outcome,
+            phase.reason.as_deref().unwrap_or(""),
+            phase.span_s.is_some() || phase.prompt.as_ref().is_some_and(|p| p.answer.is_some()),
+        ),
+    );
     case.set_classname(record.plan.name.as_str());
     let seen: Vec<String> = phase
         .measurements

@@ -38,7 +38,8 @@ pub fn markdown(record: &TestRecord) -> String {
     out.push_str("\n| phase | measurement | value | limit | verdict |\n|---|---|---:|---|---|\n");
     for phase in &record.phases {
         let role = if phase.role == "main" { String::new() } else { format!(" ({})", phase.role) };
-        let why = phase.reason.as_ref().map_or_else(String::new, |r| format!("<br>{}", escape(r)));
+        let said = format::asked(phase).into_iter().chain(phase.reason.clone());
+        let why: String = said.map(|r| format!("<br>{}", escape(&r))).collect();
         let phase_verdict = match format::phase_verdict(phase) {
             verdict @ ("PASS" | "no limit") => verdict.to_string(),
             verdict => format!("**{}**", verdict.replace('_', " ")),

@@ -27,6 +27,7 @@ pub(super) fn record() -> TestRecord {
         reason: None,
         span_s,
         measurements,
+        prompt: None,
     };
     let mut skipped = phase("drain", "teardown", Outcome::NotRun, None, vec![]);
     skipped.reason = Some("an earlier phase failed".into());

@@ -92,6 +92,9 @@ fn phase_lines(out: &mut String, phase: &PhaseRecord) {
         let verdict = if n == 0 { format::phase_verdict(phase) } else { "" };
         let _ = writeln!(out, "{}", format!("{line:<70} {verdict}").trim_end());
     }
+    if let Some(asked) = format::asked(phase) {
+        wrapped(out, "  ", &asked);
+    }
     if let Some(reason) = &phase.reason {
         wrapped(out, "  because ", reason);
     }

@@ -16,6 +16,11 @@ const PRIORITY: u8 = 50;
 /// The safe state may take 5 s, the silence for the watchdog 0.65 s, and a last look 0.5 s.
 const GIVE_UP: Duration = Duration::from_secs(8);
 
+/// Who asked a loop to stop where no signal did.
+pub const OPERATOR: &str = "the operator";
+/// [`OPERATOR`] among the indices of the signals.
+const BY_OPERATOR: u8 = u8::MAX;
+
 /// What loop and supervisor share. All of it can be touched from the loop without waiting.
 #[derive(Debug, Default)]
 pub struct LoopControl {
@@ -38,10 +43,11 @@ impl LoopControl {
         self.heartbeat.load(Ordering::Relaxed)
     }
 
-    /// Asks the loop to stop at its next slot, in the name of a signal.
-    pub fn request_stop(&self, signal: &str) {
-        let index = SIGNALS.iter().position(|s| s.0 == signal).unwrap_or(0);
-        self.signal.store(index as u8, Ordering::Relaxed);
+    /// Asks the loop to stop at its next slot, in the name of a signal or of [`OPERATOR`].
+    pub fn request_stop(&self, who: &str) {
+        let of_signal = || SIGNALS.iter().position(|s| s.0 == who).unwrap_or(0) as u8;
+        let index = if who == OPERATOR { BY_OPERATOR } else { of_signal() };
+        self.signal.store(index, Ordering::Relaxed);
         self.stop.store(true, Ordering::Relaxed);
     }
 
@@ -50,10 +56,12 @@ impl LoopControl {
         &self.stop
     }
 
-    /// The signal that asked the loop to stop.
+    /// The signal that asked the loop to stop, or [`OPERATOR`].
     pub fn stop_requested(&self) -> Option<&'static str> {
         let asked = self.stop.load(Ordering::Relaxed);
-        SIGNALS.get(usize::from(self.signal.load(Ordering::Relaxed))).filter(|_| asked).map(|s| s.0)
+        let by = self.signal.load(Ordering::Relaxed);
+        let name = if by == BY_OPERATOR { Some(OPERATOR) } else { SIGNALS.get(usize::from(by)).map(|s| s.0) };
+        name.filter(|_| asked)
     }
 
     /// A set-point is about to be written: what was known of the safe state holds no more.
@@ -139,10 +147,12 @@ pub fn run<T: Send + 'static>(
             Err(mpsc::RecvTimeoutError::Timeout) => {}
         }
         watch();
-        if let Some(signal) = caught.first() {
-            if asked.is_none() {
-                control.request_stop(signal);
-            }
+        if let Some(signal) = caught.first()
+            && asked.is_none()
+        {
+            control.request_stop(signal);
+        }
+        if control.stop_requested().is_some() {
             asked.get_or_insert_with(Instant::now);
         }
         if asked.is_some_and(|t| t.elapsed() > GIVE_UP) {

@@ -12,6 +12,7 @@ pub mod loop_thread;
 #[cfg(feature = "wire")]
 pub mod modbus;
 mod outside;
+pub mod paced;
 pub mod profile;
 #[cfg(feature = "wire")]
 pub mod realtime;

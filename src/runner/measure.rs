@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
+use super::Reply;
 use crate::limits::{Bound, Limit, Verdict};
 use crate::metrics::{Segment, Signals};
 use crate::physics::simulate;
-use crate::plan::{Measure, Plan};
-use crate::record::{LimitRecord, Measurement, Outcome, Trace};
+use crate::plan::{Measure, Plan, Prompt, PromptKind};
+use crate::record::{LimitRecord, Measurement, Outcome, PhaseRecord, Trace};
 use crate::rig::Quality;
 use crate::valve::{Hysteresis, Input, Valve};
 
@@ -65,18 +66,45 @@ pub fn measured(measure: &Measure, segment: &Segment<'_>) -> Measurement {
         Ok(value) => (Some(value), None),
         Err(why) => (None, Some(why.to_string())),
     };
-    let outcome = match &measure.limit {
+    let verdict = match &measure.limit {
         None => Outcome::NotRun,
         // The limit judges what was measured, not the digits that are shown.
-        Some(limit) => match limit.judge(value) {
-            Verdict::Pass => Outcome::Pass,
-            Verdict::Marginal => Outcome::Marginal,
-            Verdict::Fail => Outcome::Fail,
-        },
+        Some(limit) => outcome(limit.judge(value)),
     };
     let decimals = metric.unit().decimals;
     let shown = |v: f64| measure.limit.as_ref().map_or_else(|| rounded(v, decimals), |limit| without_sign(limit.shown(v, decimals)));
-    Measurement { value: value.map(shown), outcome, reason, ..blank(measure, metric.definition(segment)) }
+    Measurement { value: value.map(shown), outcome: verdict, reason, ..blank(measure, metric.definition(segment)) }
+}
+
+/// What a person answered, in the record of the phase that asked.
+pub fn entered(record: &mut PhaseRecord, prompt: &Prompt, reply: &Reply) {
+    let answer = &reply.answer;
+    record.reason = None;
+    record.outcome = answer.verdict.map_or(Outcome::NotRun, outcome);
+    if let (PromptKind::Number { unit, limit, .. }, Some(value)) = (&prompt.kind, answer.value) {
+        let shown = limit.as_ref().map_or_else(|| rounded(value, unit.decimals), |l| without_sign(l.shown(value, unit.decimals)));
+        record.measurements.push(Measurement {
+            metric: "answer".into(),
+            value: Some(shown),
+            unit: unit.symbol.into(),
+            limit: limit.as_ref().map(limit_record),
+            outcome: record.outcome,
+            definition: "entered.v1".into(),
+            reason: None,
+        });
+    }
+    if let Some(asked) = &mut record.prompt {
+        asked.answer = Some(answer.text.clone());
+        asked.by = Some(reply.by.into());
+    }
+}
+
+fn outcome(verdict: Verdict) -> Outcome {
+    match verdict {
+        Verdict::Pass => Outcome::Pass,
+        Verdict::Marginal => Outcome::Marginal,
+        Verdict::Fail => Outcome::Fail,
+    }
 }
 
 /// One figure of a phase that did not run, or not to its end.

@@ -4,16 +4,22 @@
 //! each slot the command computed from the last sample is applied and the next sample taken, as a bus transaction that
 //! writes and reads does: one period of computation lies in the loop, on the bench and in simulation alike.
 
+mod attendant;
 mod evidence;
+#[cfg(feature = "wire")]
+mod glance;
 mod guard;
 mod measure;
 mod observer;
 mod prepare;
 mod run;
 
+pub use attendant::{Attendant, Attended, Reply};
+#[cfg(feature = "wire")]
+pub use glance::{Feed, Glance, glances};
 pub use observer::{Observer, Progress};
 pub use prepare::Prepared;
-pub use run::{RunOptions, run};
+pub use run::{RunOptions, STOPPED, run};
 
 #[cfg(test)]
 mod tests;

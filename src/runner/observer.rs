@@ -1,5 +1,7 @@
-//! Who watches a run: a progress bar, a live view, a journal. Nothing here can change the run.
+//! Who watches a run: a progress bar, a live view, a journal. Nothing here can change the run, but for the answers of whoever the plan
+//! asks.
 
+use super::Attendant;
 use crate::plan::Phase;
 use crate::rig::Sample;
 
@@ -26,6 +28,10 @@ pub trait Observer {
     fn phase(&mut self, _index: usize, _phase: &Phase) {}
     /// A sample was taken.
     fn sample(&mut self, _progress: &Progress<'_>) {}
+    /// Who answers the questions of the plan; a run whose plan asks ends as ERROR without.
+    fn attendant(&self) -> Option<&dyn Attendant> {
+        None
+    }
 }
 
 impl Observer for () {}

@@ -1,17 +1,22 @@
 //! The run itself: phases, slots, interlocks, verdict.
 
+mod ask;
+
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::evidence::{broken, timing};
 use super::guard::Guard;
-use super::measure::{Columns, measured, not_measured};
+use super::measure::{Columns, entered, measured, not_measured};
 use super::{Observer, Prepared, Progress};
 use crate::control::Controller;
 use crate::plan::{Interlocks, OnFail, Phase, Plan, Preconditions, Role};
-use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, TestRecord, Trace};
+use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, PromptRecord, TestRecord, Trace};
 use crate::rig::{Quality, Rig, RigIdentity, Sample, exceeds};
 use crate::valve::Valve;
+
+/// Why a run ended that its flag stopped.
+pub const STOPPED: &str = "stopped by a signal";
 
 /// What a run needs beside plan and rig.
 #[derive(Debug, Clone, Copy)]
@@ -58,6 +63,25 @@ pub fn run(plan: &Plan, rig: &mut dyn Rig, options: &RunOptions<'_>, observer: &
             continue;
         }
         observer.phase(index, phase);
+        if let Some(prompt) = &phase.prompt {
+            let mut record = skipped(phase, "");
+            match bench.ask(index, phase, prompt, observer.attendant()) {
+                Ok(reply) => {
+                    entered(&mut record, prompt, &reply);
+                    if phase.on_fail == OnFail::Stop && record.outcome == Outcome::Fail {
+                        failed = Some(&phase.name);
+                    }
+                }
+                Err(end) => {
+                    record.outcome = end.outcome;
+                    record.reason = Some(end.reason.clone());
+                    ended = Some(end);
+                }
+            }
+            records.push(record);
+            ran.push(None);
+            continue;
+        }
         let (samples, end) = bench.phase(index, phase, observer);
         let mut record = PhaseRecord { span_s: bench.span(&samples.range), ..skipped(phase, "") };
         record.reason = None;
@@ -149,6 +173,7 @@ fn skipped(phase: &Phase, reason: &str) -> PhaseRecord {
         reason: Some(reason.into()),
         span_s: None,
         measurements: phase.measures.iter().map(|m| not_measured(m, reason)).collect(),
+        prompt: phase.prompt.as_ref().map(|p| PromptRecord { text: p.text.clone(), kind: p.kind.name().into(), answer: None, by: None }),
     }
 }
 
@@ -251,7 +276,7 @@ impl<'a> Bench<'a> {
 
     fn slot(&mut self, index: usize, phase: &Phase, level: f64, observer: &mut dyn Observer) -> Result<(), Ended> {
         if self.options.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-            return Err(Ended { outcome: Outcome::Aborted, reason: "stopped by a signal".into() });
+            return Err(Ended { outcome: Outcome::Aborted, reason: STOPPED.into() });
         }
         let (target_bar, current_a, parts) = if phase.closed_loop() {
             let measured = self.last.filter(|s| s.quality == Quality::Good).map(|s| s.pressure_bar);

@@ -304,3 +304,64 @@ fn an_unconfirmed_safe_state_is_the_first_reason_whatever_ended_the_run() {
         assert!(record.reasons[0].starts_with("SAFE STATE NOT CONFIRMED"), "{:?}", record.reasons);
     }
 }
+
+/// Answers after so many looks.
+struct Slow(std::sync::Mutex<u32>);
+
+impl Attendant for Slow {
+    fn ask(&self, _index: usize, _phase: &crate::plan::Phase, _prompt: &crate::plan::Prompt) {}
+    fn reply(&self) -> Option<Reply> {
+        let mut left = self.0.lock().unwrap();
+        *left = left.saturating_sub(1);
+        let answer = crate::plan::Answer { text: "yes".into(), value: None, verdict: Some(crate::limits::Verdict::Pass) };
+        (*left == 0).then_some(Reply { answer, by: "terminal" })
+    }
+}
+
+/// A rig with a clock: it counts its steps and the currents that were held.
+struct Clocked {
+    inner: SimulatedRig,
+    currents: Vec<f64>,
+}
+
+impl Rig for Clocked {
+    fn identity(&self) -> RigIdentity {
+        RigIdentity { kind: "modbus".into(), ..self.inner.identity() }
+    }
+    fn step(&mut self, command_a: f64, until_s: f64) -> Result<Sample, RigError> {
+        self.currents.push(command_a);
+        self.inner.step(command_a, until_s)
+    }
+    fn make_safe(&mut self) -> Result<SafeState, RigError> {
+        self.inner.make_safe()
+    }
+}
+
+#[test]
+fn while_a_question_stands_the_current_is_held_and_nothing_is_measured() {
+    let plan = plan(&PLAN.replacen(
+        "[[phase]]\nname = \"rise\"",
+        "[[phase]]\nname = \"ask\"\nprompt = { text = \"Tight?\", timeout = \"2 s\" }\n[[phase]]\nname = \"rise\"",
+        1,
+    ));
+    let (model, dut) = (crate::control::test_valve(), Dut::default());
+    let run = |looks: u32, attendant: bool| {
+        let mut rig = Clocked { inner: simulated(3), currents: Vec::new() };
+        let slow = std::sync::Arc::new(Slow(std::sync::Mutex::new(looks)));
+        let options = RunOptions { model: &model, dut: &dut, seed: 3, stop: None, prepared: None };
+        let mut observer = Attended { observer: (), attendant: attendant.then_some(slow as _) };
+        let (record, trace) = super::run(&plan, &mut rig, &options, &mut observer);
+        (record, trace, rig.currents)
+    };
+    let (record, trace, currents) = run(50, true);
+    assert_eq!((record.outcome, record.phases[2].outcome), (Outcome::Pass, Outcome::Pass));
+    assert_eq!(record.phases[2].prompt.as_ref().unwrap().answer.as_deref(), Some("yes"));
+    // 200 samples before the question, 49 slots while it stands.
+    assert_eq!((currents.len() - trace.time_s.len(), trace.time_s.len()), (49, plan.samples()));
+    assert!(currents[200..249].iter().all(|c| *c == currents[199]), "the current moved while the question stood");
+    assert_eq!(record.timing.missed_slots, 0);
+    let (record, ..) = run(1000, true);
+    assert_eq!((record.outcome, record.reasons[0].as_str()), (Outcome::Aborted, "phase `ask`: nobody answered within 2 s"));
+    let (record, ..) = run(1, false);
+    assert!(record.outcome == Outcome::Error && record.reasons[0].contains("nobody is there to answer"), "{:?}", record.reasons);
+}

@@ -12,7 +12,8 @@ if [ "${#need[@]}" -gt 0 ]; then
 fi
 target=../../target/browser
 mkdir -p "$target"
-cp package.json pages.mjs pictures.mjs "$target"
+cp package.json pages.mjs pictures.mjs station.mjs "$target"
 cd "$target"
-[ -d node_modules/playwright-core ] && [ "$(node -p 'require("playwright-core/package.json").version')" = "$(node -p 'require("./package.json").dependencies["playwright-core"]')" ] ||
+# What is installed is what package.json pins.
+node -e 'for (const [name, version] of Object.entries(require("./package.json").dependencies)) if (require(`${name}/package.json`).version !== version) process.exit(1)' 2> /dev/null ||
     npm install --silent --no-fund --no-audit --ignore-scripts

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Uses every kind of page in Chromium, and holds the pictures of README.md against what the program says now; with --pictures it
+# Uses every kind of page and the station in Chromium, and holds the pictures of README.md against what the program says now; with --pictures it
 # takes them again. Usage: tests/browser/run.sh [HIL] [--pictures]
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -13,5 +13,6 @@ if [ "$pictures" = yes ]; then
     $node/pictures.mjs "$hil" target/browser/pictures docs
 else
     $node/pages.mjs "$hil" target/browser/pages
+    $node/station.mjs "$hil" target/browser/station
     $node/pictures.mjs "$hil" target/browser/pictures docs --check
 fi

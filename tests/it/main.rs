@@ -25,6 +25,8 @@ mod run;
 mod shipped;
 mod simulate;
 mod soak;
+#[cfg(unix)]
+mod station;
 mod wire;
 mod wire_ends;
 mod wire_peers;

@@ -57,6 +57,7 @@ pub fn measurements(record: &TestRecord) -> Markup {
                             td.what colspan="4" {
                                 (phase.name) " "
                                 span.soft { @if phase.role != "main" { "(" (phase.role) ") " } (format::span(phase)) }
+                                @if let Some(asked) = format::asked(phase) { .why { (asked) } }
                                 @if let Some(reason) = &phase.reason { .why { (reason) } }
                             }
                             td.verdict { (badge(format::phase_verdict(phase), false)) }

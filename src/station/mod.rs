@@ -1,0 +1,42 @@
+//! The station in a browser: what the page shows, who may see it and who may act, and the server.
+//!
+//! The room tests nothing itself. Whoever tests tells the [`Hub`] what happens, and carries out what the page asks for behind the
+//! trait [`Conduct`]. Samples come through the bounded ring of a run (`runner::glances`), so that no browser can hold a loop up.
+
+mod access;
+mod board;
+mod conduct;
+mod events;
+mod frame;
+mod headers;
+mod hub;
+mod page;
+mod request;
+mod serve;
+
+pub use access::{Access, Role, Token};
+pub use board::{
+    BatchCard, Board, Light, LogLine, PhaseCard, ProductCard, PromptCard, RunCard, SafeCard, SiteCard, StationCard, VerdictCard,
+};
+pub use conduct::{Accepted, Conduct, Entry, Given, Refused};
+pub use hub::Hub;
+pub use serve::{Server, listen, serve};
+
+/// What can keep a station from serving its page.
+#[derive(Debug, thiserror::Error)]
+pub enum StationError {
+    /// The address cannot be listened on.
+    #[error("--listen {address}: {source}")]
+    Listen {
+        /// As typed.
+        address: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A token is too easy to guess.
+    #[error("{what}: a token has at least {least} letters and digits, and no blanks", least = access::SHORTEST)]
+    Token {
+        /// Where it came from.
+        what: String,
+    },
+}
