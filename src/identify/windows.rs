@@ -10,7 +10,7 @@ use crate::course::{Course, Run};
 
 /// Recordings up to this many samples are fitted whole.
 pub(super) const WHOLE: usize = 60_000;
-/// Samples of one window.
+/// Samples of one window, and at most so many are simulated before it.
 const WINDOW: usize = 2_500;
 /// Windows that are taken.
 const WINDOWS: usize = 16;
@@ -59,8 +59,14 @@ pub(super) fn segments(courses: &[Course]) -> (Vec<Segment>, bool) {
     }
     taken.sort_unstable();
     let chosen = taken.iter().filter_map(|n| {
-        let (source, run) = runs[windows[*n].0];
-        Segment::from_run(source, run, windows[*n].1.clone())
+        let (number, window) = &windows[*n];
+        let (source, run) = runs[*number];
+        let begin = window.start.saturating_sub(WINDOW);
+        let mut segment = Segment::from_run(source, run, begin..window.end)?;
+        // What came before the window is simulated, and does not count: so nothing depends on where the valve stood then.
+        let before = segment.len().saturating_sub(window.len());
+        segment.weight[..before].fill(0.0);
+        Some(segment)
     });
     (chosen.filter(|s| s.len() >= 5).collect(), false)
 }

@@ -1,8 +1,9 @@
 //! Recordings as ASAM MDF 4 (`.mf4`), read and written.
 //!
-//! Every channel group that holds the command is a run; its master channel is the time. A channel that was
-//! recorded in another group, at another rate, is interpolated at the times of the command. Compressed data
-//! are read block by block, so that memory grows with the channels that are asked for and not with the file.
+//! Every channel group that holds the command is a run; its master channel is the time. A pressure that was recorded in
+//! another group keeps the times of its own: between two readings nothing is known, and the mean of two has less noise
+//! than one. Other channels of other groups are interpolated. Compressed data are read block by block, so that memory
+//! grows with the channels that are asked for and not with the file.
 
 mod block;
 mod conversion;
@@ -87,6 +88,15 @@ pub(super) fn read_from(input: impl Read + Seek, file: &str, map: &[Mapping]) ->
                 _ => continue,
             };
             let found = reader.columns(other, label(other), [role].into_iter())?;
+            if role == Role::Channel(Known::Pressure) {
+                let shared = columns.time_s == found.time_s;
+                columns =
+                    columns.beside(found).ok_or_else(|| damaged("`pressure_bar`: the time of a channel group does not increase".into()))?;
+                if !shared {
+                    reader.notes.push("pressure_bar was recorded in another channel group: its readings keep their own times".into());
+                }
+                continue;
+            }
             let hold = role == Role::Channel(Known::Target);
             let values = at_times(&columns.time_s, &found.time_s, &found.values[0].1, hold)
                 .ok_or_else(|| damaged(format!("`{}`: the time of its channel group does not increase", role.name())))?;
@@ -125,6 +135,45 @@ fn all_channels(groups: &[Group]) -> Vec<String> {
 struct Columns {
     time_s: Vec<f64>,
     values: Vec<(Role, Vec<f64>)>,
+}
+
+impl Columns {
+    /// With the columns of another group, each at its own times: a value that was not recorded at a time is NaN there.
+    /// `None` where a time does not increase.
+    fn beside(self, other: Self) -> Option<Self> {
+        if self.time_s == other.time_s {
+            let values = self.values.into_iter().chain(other.values).collect();
+            return Some(Self { time_s: self.time_s, values });
+        }
+        if [&self, &other].iter().any(|c| c.time_s.windows(2).any(|w| !(w[1] > w[0]))) {
+            return None;
+        }
+        let (mut time_s, mut places) = (Vec::with_capacity(self.time_s.len() + other.time_s.len()), [Vec::new(), Vec::new()]);
+        let (mut a, mut b) = (self.time_s.iter().peekable(), other.time_s.iter().peekable());
+        loop {
+            let now = match (a.peek(), b.peek()) {
+                (Some(x), Some(y)) => x.min(**y),
+                (Some(x), None) | (None, Some(x)) => **x,
+                (None, None) => break,
+            };
+            for (column, place) in [&mut a, &mut b].into_iter().zip(&mut places) {
+                if column.next_if(|t| **t == now).is_some() {
+                    place.push(time_s.len());
+                }
+            }
+            time_s.push(now);
+        }
+        let spread = |(columns, place): (Vec<(Role, Vec<f64>)>, &Vec<usize>)| {
+            let at = |values: Vec<f64>| {
+                let mut all = vec![f64::NAN; time_s.len()];
+                place.iter().zip(values).for_each(|(row, value)| all[*row] = value);
+                all
+            };
+            columns.into_iter().map(|(role, values)| (role, at(values))).collect::<Vec<_>>()
+        };
+        let values = [(self.values, &places[0]), (other.values, &places[1])].into_iter().flat_map(spread).collect();
+        Some(Self { time_s, values })
+    }
 }
 
 impl Rows {
