@@ -86,7 +86,8 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
         sha256: Vec::new(),
     };
     if args.many.jobs.is_some() {
-        return super::jobs::run(&super::jobs::Identify { reading, options }, &args.many);
+        let map = reading.map.clone();
+        return super::jobs::run(&super::jobs::Identify { reading, options }, &map, &args.many);
     }
     let outputs = Outputs::new(args.force.force).reads(&args.recordings).reads(args.reading.files());
     let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;

@@ -13,11 +13,11 @@ use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
 use crate::diagnose::diagnose;
 use crate::fleet::FleetError;
-use crate::fleet::list::{Job, ModelSource, read};
+use crate::fleet::list::{Job, ModelSource, read, read_groups};
 use crate::fleet::store::Store;
 use crate::fleet::work::{Progress, Task, work};
 use crate::identify::{Identified, Options, identify_course};
-use crate::recording::{Reading, Recording, Selection};
+use crate::recording::{Mapping, Reading, Recording, Selection};
 use crate::report;
 use crate::valve::Valve;
 
@@ -29,6 +29,10 @@ pub struct JobsArgs {
     /// file in --models
     #[arg(long, value_name = "LIST", requires = "out", conflicts_with = "output", conflicts_with = "report")]
     pub jobs: Option<String>,
+    /// LIST is a Parquet file with many recordings in it: each value of this column, such as a serial number, is one; columns
+    /// that do not change within it are its free columns
+    #[arg(long, value_name = "COLUMN", requires = "jobs")]
+    pub group_by: Option<String>,
     /// Folder of the rows and answers; what is there and agrees in recording, model and version is not done again
     #[arg(long, value_name = "DIR", requires = "jobs")]
     pub out: Option<PathBuf>,
@@ -64,14 +68,18 @@ impl Task for Diagnose {
             ModelSource::Identify(path) => {
                 // What is selected is selected of the job's own recording.
                 let reading = Reading { select: Selection::default(), ..self.reading.clone() };
-                identified(path, &reading, &Options::default()).map(|found| found.valve).map_err(|e| format!("identify: {e}"))
+                let sweep = Recording::read_as(path, &reading).map_err(|e| e.to_string());
+                sweep
+                    .and_then(|sweep| identified(sweep, &Options::default()))
+                    .map(|found| found.valve)
+                    .map_err(|e| format!("identify: {e}"))
             }
             ModelSource::Missing(why) => Err(why.clone()),
         }
     }
     fn answer(&self, job: &Job, model: Option<&Valve>) -> Result<Vec<(&'static str, String)>, String> {
         let valve = model.ok_or("no model")?;
-        let recording = Recording::read_as(&job.recording, &self.reading).map_err(|e| e.to_string())?;
+        let recording = job.read(&self.reading)?;
         let mut diagnosed = diagnose(&recording, valve).map_err(|e| e.to_string())?;
         super::diagnose::name_apart(&mut diagnosed.augmented, valve);
         Ok(vec![("toml", diagnosed.augmented.to_toml()), ("json", report::diagnosis::json(&diagnosed.diagnosis))])
@@ -99,20 +107,19 @@ impl Task for Identify {
         Ok(())
     }
     fn answer(&self, job: &Job, _: Option<&()>) -> Result<Vec<(&'static str, String)>, String> {
-        let found = identified(&job.recording, &self.reading, &self.options)?;
+        let found = identified(job.read(&self.reading)?, &self.options)?;
         Ok(vec![("toml", found.valve.to_toml()), ("json", report::identify::json(&found))])
     }
 }
 
-fn identified(path: &std::path::Path, reading: &Reading, options: &Options) -> Result<Identified, String> {
-    let recording = Recording::read_as(path, reading).map_err(|e| e.to_string())?;
+fn identified(recording: Recording, options: &Options) -> Result<Identified, String> {
     let course = Course::take(recording, &Preparation::default()).map_err(|e| e.to_string())?;
     identify_course(&course, options).map_err(|e| e.to_string())
 }
 
 /// Works the list off. Exit code 0: all done; 3: some inputs are unusable, their rows say why; 5: stopped, or the folder
 /// cannot be written: call it again.
-pub fn run<T: Task>(task: &T, args: &JobsArgs) -> CliResult {
+pub fn run<T: Task>(task: &T, map: &[Mapping], args: &JobsArgs) -> CliResult {
     let (Some(list), Some(out)) = (&args.jobs, &args.out) else {
         return Err(CliError::usage("--jobs LIST needs --out DIR"));
     };
@@ -121,7 +128,12 @@ pub fn run<T: Task>(task: &T, args: &JobsArgs) -> CliResult {
         FleetError::List(_) | FleetError::Table { .. } => CliError::input(e),
     };
     let shard = args.shard.unwrap_or(Shard { index: 1, of: 1 });
-    let all = read(list, args.models.as_deref()).map_err(failed)?;
+    let models = args.models.as_deref();
+    let all = match &args.group_by {
+        None => read(list, models),
+        Some(column) => read_groups(list, column, map, models),
+    };
+    let all = all.map_err(failed)?;
     let jobs: Vec<Job> = all.into_iter().enumerate().filter(|(k, _)| shard.holds(*k)).map(|(_, job)| job).collect();
     let store = Store::open(out, &segment_name(shard)).map_err(failed)?;
     let stop = Arc::new(AtomicBool::new(false));

@@ -11,6 +11,7 @@ use parquet::{
 };
 
 use super::FleetError;
+use crate::recording::{Group, Mapping, Reading, Recording, groups};
 
 /// One recording to work on.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -23,6 +24,25 @@ pub struct Job {
     pub model: ModelSource,
     /// The free columns: serial, lot, date, mileage, whatever the owner has.
     pub tags: BTreeMap<String, String>,
+    /// The rows of `recording` that are meant, where it holds many recordings.
+    pub group: Option<Group>,
+}
+
+impl Job {
+    /// Reads the recording.
+    ///
+    /// # Errors
+    /// The words for the row.
+    pub fn read(&self, reading: &Reading) -> Result<Recording, String> {
+        let read = match &self.group {
+            None => Recording::read_as(&self.recording, reading),
+            Some(group) => {
+                let all = group.read(&self.recording, &reading.map).and_then(|all| all.selected(&reading.select));
+                all.map(|recording| Recording { input: reading.input, ..recording })
+            }
+        };
+        read.map_err(|e| e.to_string())
+    }
 }
 
 /// Where the model of a job comes from.
@@ -77,6 +97,25 @@ pub fn read(list: &str, models: Option<&Path>) -> Result<Vec<Job>, FleetError> {
             Ok(job)
         })
         .collect()
+}
+
+/// The jobs of a Parquet file that holds many recordings: one for each value of `column`, which is its id. Columns that
+/// hold one value in all rows of a job are its free columns, `model` among them as in a list.
+///
+/// # Errors
+/// [`FleetError::List`] where the file cannot be read or has no such column.
+pub fn read_groups(list: &str, column: &str, map: &[Mapping], models: Option<&Path>) -> Result<Vec<Job>, FleetError> {
+    let wrong = |what: String| FleetError::List(what);
+    let path = Path::new(list);
+    let base = path.parent().map(Path::to_path_buf).unwrap_or_default();
+    let groups = groups(path, column, map).map_err(|e| wrong(e.to_string()))?;
+    let one = |group: Group| {
+        let mut cells = group.facts.clone();
+        cells.insert(column.into(), group.value.clone());
+        let model = model(&mut cells, &base, models);
+        Job { id: group.value.clone(), recording: path.to_path_buf(), model, tags: cells, group: Some(group) }
+    };
+    Ok(groups.into_iter().map(one).collect())
 }
 
 type Cells = BTreeMap<String, String>;
@@ -135,14 +174,19 @@ fn job(mut cells: Cells, base: &Path, models: Option<&Path>) -> Result<Job, Stri
             .ok_or_else(|| format!("no `{key}`; a list has the columns id, recording, model and free ones"))
     };
     let (id, recording) = (needed("id")?, base.join(needed("recording")?));
-    let model = match cells.remove("model").unwrap_or_default() {
-        m if m.is_empty() => of_part(&cells, models),
+    let model = model(&mut cells, base, models);
+    Ok(Job { id, recording, model, tags: cells, group: None })
+}
+
+/// Where the model comes from: what the column says, or the part number's file.
+fn model(cells: &mut Cells, base: &Path, models: Option<&Path>) -> ModelSource {
+    match cells.remove("model").unwrap_or_default() {
+        m if m.is_empty() => of_part(cells, models),
         m => match m.strip_prefix("identify:") {
             Some(sweep) => ModelSource::Identify(base.join(sweep)),
             None => ModelSource::File(base.join(m)),
         },
-    };
-    Ok(Job { id, recording, model, tags: cells })
+    }
 }
 
 /// The file of the part number in the folder of models.

@@ -6,11 +6,12 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 
 use super::FleetError;
 use super::list::{Job, ModelSource};
 use super::row::{Row, Status};
-use super::store::{Store, sha256};
+use super::store::{Store, hex, sha256};
 
 /// What a worker is asked to do.
 pub trait Task: Sync {
@@ -76,6 +77,9 @@ impl<M> Default for Shared<M> {
     }
 }
 
+/// The digests of files that hold many recordings.
+type Files = Mutex<HashMap<PathBuf, Arc<OnceLock<Result<String, String>>>>>;
+
 /// Works all jobs off with `threads` workers, each a job at a time, so that memory is bounded by the largest recordings.
 /// `stop` ends it after the jobs in hand; `told` hears of each job.
 ///
@@ -91,6 +95,7 @@ pub fn work<T: Task>(
 ) -> Result<Progress, FleetError> {
     let counters = Counters::default();
     let models: Mutex<HashMap<ModelSource, Arc<Shared<T::Model>>>> = Mutex::new(HashMap::new());
+    let files = Files::default();
     let failed: Mutex<Option<FleetError>> = Mutex::new(None);
     let workers = threads.clamp(1, jobs.len().max(1));
     let worker = || {
@@ -99,7 +104,7 @@ pub fn work<T: Task>(
                 break;
             }
             let shared = Arc::clone(lock(&models).entry(job.model.clone()).or_default());
-            if let Err(error) = one(task, job, store, &shared, &counters) {
+            if let Err(error) = one(task, job, store, (&shared, &files), &counters) {
                 lock(&failed).get_or_insert(error);
             }
             told(counters.progress(jobs.len()));
@@ -126,9 +131,15 @@ fn lock<V>(mutex: &Mutex<V>) -> std::sync::MutexGuard<'_, V> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-fn one<T: Task>(task: &T, job: &Job, store: &Store, shared: &Shared<T::Model>, counters: &Counters) -> Result<(), FleetError> {
+fn one<T: Task>(
+    task: &T,
+    job: &Job,
+    store: &Store,
+    (shared, files): (&Shared<T::Model>, &Files),
+    counters: &Counters,
+) -> Result<(), FleetError> {
     let mut row = blank(task, job, store.attempt(&job.id));
-    let asked = digests(task, job, shared, &mut row);
+    let asked = digests(task, job, shared, files, &mut row);
     if store.has(&row) {
         counters.skipped.fetch_add(1, Ordering::Relaxed);
         return Ok(());
@@ -158,7 +169,8 @@ fn blank<T: Task>(task: &T, job: &Job, attempt: u32) -> Row {
         attempt,
         status: Status::Unusable,
         error: None,
-        recording: job.recording.display().to_string(),
+        recording: job.recording.display().to_string()
+            + &job.group.as_ref().map(|g| format!("#{}={}", g.column, g.value)).unwrap_or_default(),
         recording_sha256: None,
         model: if task.needs_model() { job.model.text() } else { String::new() },
         model_sha256: None,
@@ -174,9 +186,17 @@ fn blank<T: Task>(task: &T, job: &Job, attempt: u32) -> Row {
 }
 
 /// What the answer will depend on.
-fn digests<T: Task>(task: &T, job: &Job, shared: &Shared<T::Model>, row: &mut Row) -> Result<(), String> {
+fn digests<T: Task>(task: &T, job: &Job, shared: &Shared<T::Model>, files: &Files, row: &mut Row) -> Result<(), String> {
     let digest = |path: &PathBuf| sha256(path).map_err(|e| format!("{}: {e}", path.display()));
-    row.recording_sha256 = Some(digest(&job.recording)?);
+    row.recording_sha256 = Some(match &job.group {
+        None => digest(&job.recording)?,
+        // One file stands for many jobs; it is read for its digest once.
+        Some(group) => {
+            let whole = lock(files).entry(job.recording.clone()).or_default().clone();
+            let whole = whole.get_or_init(|| digest(&job.recording)).clone()?;
+            hex(&Sha256::digest(format!("{whole} {} {}", group.column, group.value)))
+        }
+    });
     if task.needs_model() {
         let made_from = || match &job.model {
             ModelSource::File(path) | ModelSource::Identify(path) => digest(path),
@@ -250,7 +270,13 @@ mod tests {
                 if !text.is_empty() {
                     std::fs::write(&recording, text)?;
                 }
-                Ok(Job { id: k.to_string(), recording, model: ModelSource::File(folder.join("m.toml")), tags: Default::default() })
+                Ok(Job {
+                    id: k.to_string(),
+                    recording,
+                    model: ModelSource::File(folder.join("m.toml")),
+                    tags: Default::default(),
+                    group: None,
+                })
             })
             .collect()
     }

@@ -34,7 +34,7 @@ pub use columns::ColumnValues;
 pub use error::RecordingError;
 pub use inspect::{ChannelSurvey, Content, Proposal, Survey, inspect};
 pub use mapping::{Mapping, Role};
-pub use parquet::{read_parquet, write_parquet};
+pub use parquet::{Group, groups, read_parquet, write_parquet};
 pub use reading::{Encoding, MAPPING_SCHEMA, MappingFile, ReadFile, Reading, SelectFile, Selection};
 pub use table::{Cells, Column, Values};
 pub use write::replace_file;

@@ -33,3 +33,32 @@ pub fn read_parquet(path: &Path) -> Result<Vec<(String, Cells)>, RecordingError>
 pub fn write_parquet(path: &Path, _tables: &[Vec<Column<'_>>]) -> Result<(), RecordingError> {
     Err(absent(&path.display().to_string()))
 }
+
+/// The rows of one value of a column; here there are none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Group {
+    /// The column.
+    pub column: String,
+    /// Its value.
+    pub value: String,
+    /// Other columns that hold one value in all these rows.
+    pub facts: std::collections::BTreeMap<String, String>,
+}
+
+impl Group {
+    /// The rows as a recording; here never.
+    ///
+    /// # Errors
+    /// Always.
+    pub fn read(&self, path: &Path, _map: &[Mapping]) -> Result<super::Recording, RecordingError> {
+        Err(absent(&path.display().to_string()))
+    }
+}
+
+/// The groups of a file; here never.
+///
+/// # Errors
+/// Always.
+pub fn groups(path: &Path, _column: &str, _map: &[Mapping]) -> Result<Vec<Group>, RecordingError> {
+    Err(absent(&path.display().to_string()))
+}

@@ -113,6 +113,47 @@ fn parts_and_a_kill_give_the_rows_of_one_call() -> Outcome {
 }
 
 #[test]
+fn many_recordings_in_one_parquet_file_are_as_many_jobs() -> Outcome {
+    use hil::recording::{Column, Values, write_parquet};
+    let folder = tempfile::tempdir()?;
+    recordings(folder.path(), 2)?;
+    let mut tables = Vec::new();
+    let read: Vec<hil::recording::Recording> =
+        (0..2).map(|k| hil::recording::Recording::read(&folder.path().join(format!("r/{k}.csv")), &[])).collect::<Result<_, _>>()?;
+    for (recording, serial) in read.iter().zip(["V7", "V8"]) {
+        let run = &recording.runs[0];
+        let pressure = run.pressure_bar.as_deref().unwrap_or_default();
+        tables.push(vec![
+            Column { name: "serial", values: Values::Same(serial, run.len()) },
+            Column { name: "model", values: Values::Same("model.toml", run.len()) },
+            Column { name: "lot", values: Values::Same(if serial == "V7" { "L0" } else { "L1" }, run.len()) },
+            Column { name: "time_s", values: Values::Numbers(&run.time_s) },
+            Column { name: "current_a", values: Values::Numbers(&run.current_a) },
+            Column { name: "pressure_bar", values: Values::Numbers(pressure) },
+        ]);
+    }
+    let data = folder.path().join("all.parquet");
+    write_parquet(&data, &tables)?;
+    let (one, all) = (folder.path().join("one"), folder.path().join("all"));
+    assert_eq!(diagnose(&folder.path().join("jobs.csv"), &one, &[])?.status.code(), Some(0));
+    let done = diagnose(&data, &all, &["--group-by", "serial"])?;
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    let (one, grouped) = (rows(&one)?, rows(&all)?);
+    for (job, serial) in [("job 0", "V7"), ("job 1", "V8")] {
+        let row = &grouped[serial];
+        assert_eq!(
+            (&row["verdict"], &row["rmse_bar"], &row["tags"]["lot"]),
+            (&one[job]["verdict"], &one[job]["rmse_bar"], &one[job]["tags"]["lot"])
+        );
+        assert!(row["recording"].as_str().is_some_and(|r| r.ends_with(&format!("all.parquet#serial={serial}"))), "{row}");
+    }
+    let again = diagnose(&data, &all, &["--group-by", "serial"])?;
+    assert!(String::from_utf8_lossy(&again.stderr).contains("2 were done before"));
+    assert_eq!(diagnose(&data, &all, &["--group-by", "vin"])?.status.code(), Some(3));
+    Ok(())
+}
+
+#[test]
 fn wrong_lists_and_parts_are_told() -> Outcome {
     let folder = tempfile::tempdir()?;
     let list = folder.path().join("jobs.csv");

@@ -15,8 +15,10 @@ use super::mapping::Role;
 use super::source::{Rows, Source, resolve};
 use super::{Cells, Mapping, RecordingError};
 
+mod groups;
 mod write;
 
+pub use groups::{Group, groups};
 pub use write::write_parquet;
 
 /// Values taken from a column at a time.
@@ -24,8 +26,7 @@ const BATCH: usize = 1 << 16;
 
 /// Reads a file. The library panics on some damaged files; such a panic becomes a message.
 pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
-    let result = silenced(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read_trusting(path, file, map))));
-    result.unwrap_or_else(|_| Err(RecordingError::format(file, "the file is damaged: its pages contradict one another")))
+    guarded(file, || read_trusting(path, file, map))
 }
 
 /// Every column of a Parquet file with its name, but for lists.
@@ -34,8 +35,13 @@ pub(super) fn read(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, Rec
 /// What cannot be read, see [`RecordingError`].
 pub fn read_parquet(path: &Path) -> Result<Vec<(String, Cells)>, RecordingError> {
     let file = path.display().to_string();
-    let result = silenced(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| columns(path, &file))));
-    result.unwrap_or_else(|_| Err(RecordingError::format(&file, "the file is damaged: its pages contradict one another")))
+    guarded(&file, || columns(path, &file))
+}
+
+/// Does `work` on a file; a panic of the library on a damaged one becomes a message.
+fn guarded<T>(file: &str, work: impl FnOnce() -> Result<T, RecordingError>) -> Result<T, RecordingError> {
+    let result = silenced(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)));
+    result.unwrap_or_else(|_| Err(RecordingError::format(file, "the file is damaged: its pages contradict one another")))
 }
 
 fn columns(path: &Path, file: &str) -> Result<Vec<(String, Cells)>, RecordingError> {
