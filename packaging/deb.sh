@@ -4,6 +4,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 cargo build --locked --release
+# The library that goes into an exported FMU.
+cargo build --locked --release -p hil-fmu
 share=target/share
 rm -rf "$share"
 XDG_DATA_HOME="$PWD/$share" target/release/hil man

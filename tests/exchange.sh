@@ -1,38 +1,56 @@
 #!/usr/bin/env bash
-# The library inside an FMU and the Python package, built and tried by the tools of others: FMPy, aqdefreader, pytest, mypy.
-# Needs Rust, python3 with venv and a network for their packages. It builds three times with optimisation, so it is run by hand, not by .ci/run.
+# The library inside an FMU and the Python package, built and tried by the tools of others: FMPy, libcosim, aqdefreader, pytest,
+# mypy, Jupyter. Needs Rust, a C compiler, python3 with venv and a network for their packages. One build of the library serves both;
+# `HIL_EXCHANGE_PROFILE=dev` builds without optimisation, where sizes and speeds say nothing and are not held.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+profile=${HIL_EXCHANGE_PROFILE:-release}
+built=target/$([ "$profile" = dev ] && echo debug || echo "$profile")
 work=target/exchange
 mkdir -p "$work"
 [ -x "$work/venv/bin/python" ] || python3 -m venv "$work/venv"
 python=$work/venv/bin/python
 "$python" -m pip install --quiet --disable-pip-version-check \
-    'fmpy==0.3.32' 'aqdefreader==1.3.0' 'chardet==5.2.0' 'numpy>=2,<3' 'pandas>=2,<3' 'polars>=1,<2' 'pyarrow>=20' 'pytest>=8,<10' 'mypy>=1.10,<3' pandas-stubs \
-    'nbclient>=0.10,<1' 'nbformat>=5,<6' 'ipykernel>=6'
+    'fmpy==0.3.32' 'libcosimpy==0.0.6' 'aqdefreader==1.3.0' 'chardet==5.2.0' 'numpy>=2,<3' 'pandas>=2,<3' 'polars>=1,<2' 'pyarrow>=20' \
+    'pytest>=8,<10' 'mypy>=1.10,<3' pandas-stubs 'nbclient>=0.10,<1' 'nbformat>=5,<6' 'ipykernel>=6'
 
-cargo build --locked --release --bin hil
-hil=$PWD/target/release/hil
-cargo build --locked --release -p hil-fmu
-ls -l target/release/libhil_fmu.so
+step() { printf '\n-- %s (%s s)\n' "$1" "$SECONDS"; }
 
-echo "== the library inside an FMU"
-cargo test --locked -p hil-fmu
+step "build"
+cargo build --locked --profile "$profile" --bin hil
+cargo build --locked --profile "$profile" -p hil-fmu -p hil-python
+hil=$PWD/$built/hil
+library=$PWD/$built/libhil_fmu.so
 
-echo "== models as FMUs"
+step "the library inside an FMU"
+cargo test --locked --profile "$profile" -p hil-fmu -- --nocapture
+
+step "models as FMUs, in FMPy"
 "$python" tests/peers/models.py "$work/models"
-"$python" tests/peers/fmu.py "$hil" target/release/libhil_fmu.so "$work/fmu" "$work"/models/*.toml
+"$python" tests/peers/fmu.py "$hil" "$library" "$work/fmu" "$work"/models/*.toml
+if [ "$profile" = release ]; then
+    size=$(stat -c %s "$work/fmu/plain-2.fmu")
+    [ "$size" -lt 4000000 ] || { echo "an FMU has $size bytes; below 4 MB is wanted"; exit 1; }
+fi
+step "the same in libcosim"
+"$python" tests/peers/second_importer.py "$hil" "$library" "$work/cosim" "$work"/models/{plain,flow_limit,three}.toml
+step "our own plant with an effect left out, as a foreign model"
+"$python" tests/peers/foreign.py "$hil" "$library" "$work/foreign"
 
-echo "== a lot as AQDEF"
+step "a lot as AQDEF"
 rm -rf "$work/lot" "$work/lot.dfq"
-"$hil" batch plans/tipin.toml --count 25 --sim --population examples/batch/population.toml --out "$work/lot" --format json > /dev/null 2> "$work/lot.log"
+"$hil" batch tipin --count 25 --sim --population examples/batch/population.toml --out "$work/lot" --format json > /dev/null 2> "$work/lot.log"
 "$hil" export "$work/lot" -o "$work/lot.dfq"
 "$python" tests/peers/aqdef.py "$work/lot.dfq" "$work/lot"
 
-echo "== the Python package"
-"$python" -m pip install --quiet --disable-pip-version-check ./python
+step "the Python package"
+MATURIN_PEP517_ARGS="--locked --profile $profile" "$python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps ./python
 HIL=$hil "$python" -m pytest -q python/tests
 (cd python && "../$python" -m mypy --strict hil)
+if [ "$profile" = release ]; then
+    "$python" tests/peers/python_figures.py "$hil"
+fi
+step "the notebook"
 "$python" - << 'NOTEBOOK'
 import nbformat
 from nbclient import NotebookClient

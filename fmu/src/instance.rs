@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use hil::exchange::fmu::{
-    CURRENT_IN, Causality, MODEL_TIME_OUT, Meaning, PRESSURE_OUT, SEED, STEP_FILE, VALVE_FILE, Variable, set, token, variables,
+    CURRENT_IN, CURRENT_OUT, Causality, MODEL_TIME_OUT, Meaning, PART_FILE, PRESSURE_IN, PRESSURE_OUT, Part, SEED, STEP_FILE, VALVE_FILE,
+    Variable, set, token, variables,
 };
 use hil::physics::Plant;
 use hil::valve::Valve;
@@ -45,14 +46,19 @@ pub struct Instance {
     step_s: f64,
     phase: Phase,
     seed: u64,
+    part: Part,
     current_a: f64,
+    /// Pressure of the model ahead, for effects behind one [bar].
+    pressure_in_bar: f64,
     pressure_bar: f64,
+    current_out_a: f64,
     /// Time of the master at the initialisation [s].
     start_s: f64,
     /// Steps done since then.
     steps: u64,
     plant: Option<Plant>,
-    past_a: VecDeque<f64>,
+    /// The inputs of the steps that are remembered: current [A] and pressure [bar].
+    past: VecDeque<(f64, f64)>,
 }
 
 impl Instance {
@@ -71,20 +77,22 @@ impl Instance {
         if !(step_s.is_finite() && step_s > 0.0) {
             return Refused::because(format!("{STEP_FILE}: {step_s} s is no step"));
         }
-        let have = token(&text, step_s);
+        let part = read(PART_FILE)?;
+        let part = Part::of(part.trim()).ok_or_else(|| Refused(format!("{PART_FILE}: `{}` is no part", part.trim())))?;
+        let have = token(&text, part, step_s);
         if have != wanted {
             return Refused::because(format!("the description is of model {wanted}, the resources hold {have}"));
         }
         let valve = Valve::from_toml(&text, VALVE_FILE).map_err(|e| Refused(e.to_string()))?;
-        Self::of(valve, step_s)
+        Self::of(valve, part, step_s)
     }
 
     /// An instance of this model, stepped every `step_s`.
     ///
     /// # Errors
     /// [`Refused`] where an effect of the model is not known.
-    pub fn of(valve: Valve, step_s: f64) -> Result<Self, Refused> {
-        let variables = variables(&valve).map_err(|e| Refused(e.to_string()))?;
+    pub fn of(valve: Valve, part: Part, step_s: f64) -> Result<Self, Refused> {
+        let variables = variables(&valve, part).map_err(|e| Refused(e.to_string()))?;
         let current_a = variables.iter().find(|v| v.meaning == Meaning::Current).and_then(|v| v.start).unwrap_or(0.0);
         Ok(Self {
             made_from: valve.clone(),
@@ -93,12 +101,15 @@ impl Instance {
             step_s,
             phase: Phase::Made,
             seed: 0,
+            part,
             current_a,
+            pressure_in_bar: 0.0,
             pressure_bar: f64::NAN,
+            current_out_a: f64::NAN,
             start_s: 0.0,
             steps: 0,
             plant: None,
-            past_a: VecDeque::new(),
+            past: VecDeque::new(),
         })
     }
 
@@ -132,9 +143,10 @@ impl Instance {
     pub fn exit_initialization(&mut self) -> Result<(), Refused> {
         self.expect(&[Phase::Initialising], "the initialisation is left after it was entered")?;
         let mut plant = self.plant()?;
-        self.pressure_bar = plant.step(self.current_a);
+        let inputs = (self.current_a, self.pressure_in_bar);
+        (self.pressure_bar, self.current_out_a) = stepped(&mut plant, self.part, inputs);
         self.plant = Some(plant);
-        self.past_a.push_back(self.current_a);
+        self.past.push_back(inputs);
         self.phase = Phase::Stepping;
         Ok(())
     }
@@ -155,15 +167,16 @@ impl Instance {
             return Refused::because(format!("a step of {step_s} s: whole multiples of {} s are allowed", self.step_s));
         }
         let Some(plant) = &mut self.plant else { return Refused::because("the model is not initialised") };
+        let inputs = (self.current_a, self.pressure_in_bar);
         for _ in 0..count.round() as u64 {
-            self.pressure_bar = plant.step(self.current_a);
+            (self.pressure_bar, self.current_out_a) = stepped(plant, self.part, inputs);
             self.steps += 1;
-            self.past_a.push_back(self.current_a);
+            self.past.push_back(inputs);
         }
         let most = (MEMORY_S / self.step_s).ceil() as usize + 1;
-        let excess = self.past_a.len().saturating_sub(most);
-        self.past_a.drain(..excess);
-        if self.pressure_bar.is_finite() {
+        let excess = self.past.len().saturating_sub(most);
+        self.past.drain(..excess);
+        if self.pressure_bar.is_finite() && self.current_out_a.is_finite() {
             Ok(())
         } else {
             Refused::because(format!("the pressure at {} s is not finite", self.start_s + self.steps as f64 * self.step_s))
@@ -185,7 +198,7 @@ impl Instance {
     /// # Errors
     /// None in practice: the model was read before.
     pub fn reset(&mut self) -> Result<(), Refused> {
-        *self = Self::of(self.made_from.clone(), self.step_s)?;
+        *self = Self::of(self.made_from.clone(), self.part, self.step_s)?;
         Ok(())
     }
 
@@ -196,10 +209,17 @@ impl Instance {
     pub fn real(&self, reference: u32) -> Result<f64, Refused> {
         match reference {
             CURRENT_IN => Ok(self.current_a),
+            PRESSURE_IN if self.part == Part::Behind => Ok(self.pressure_in_bar),
             MODEL_TIME_OUT => Ok(self.start_s + self.steps as f64 * self.step_s),
-            PRESSURE_OUT if self.phase == Phase::Initialising => Ok(self.plant()?.step(self.current_a)),
-            PRESSURE_OUT if self.phase == Phase::Made => Refused::because("the pressure is known from the initialisation on"),
-            PRESSURE_OUT => Ok(self.pressure_bar),
+            PRESSURE_OUT | CURRENT_OUT => {
+                self.variable(reference)?;
+                let (pressure_bar, current_a) = match self.phase {
+                    Phase::Made => return Refused::because("the outputs are known from the initialisation on"),
+                    Phase::Initialising => stepped(&mut self.plant()?, self.part, (self.current_a, self.pressure_in_bar)),
+                    Phase::Stepping | Phase::Terminated => (self.pressure_bar, self.current_out_a),
+                };
+                Ok(if reference == PRESSURE_OUT { pressure_bar } else { current_a })
+            }
             _ => self.variable(reference)?.start.ok_or_else(|| Refused(format!("reference {reference} has no value"))),
         }
     }
@@ -218,6 +238,7 @@ impl Instance {
             Causality::Input if !value.is_finite() => {
                 return Refused::because(format!("{} = {value}: a finite value is allowed", variable.name));
             }
+            Causality::Input if reference == PRESSURE_IN => self.pressure_in_bar = value,
             Causality::Input => self.current_a = value,
             Causality::Parameter => {
                 let mut changed = self.valve.clone();
@@ -274,9 +295,9 @@ impl Instance {
     /// by that step; a dead time below one step is one step.
     fn plant(&self) -> Result<Plant, Refused> {
         let mut valve = self.valve.clone();
-        valve.delay_s = (valve.delay_s - self.step_s).max(0.0);
+        valve.delay_s -= self.step_s;
         let seed = (self.seed > 0).then_some(self.seed);
-        Plant::new(&valve, self.step_s, self.past_a.front().copied().unwrap_or(self.current_a), seed).map_err(|e| Refused(e.to_string()))
+        Plant::new(&valve, self.step_s, self.past.front().map_or(self.current_a, |first| first.0), seed).map_err(|e| Refused(e.to_string()))
     }
 
     /// After a change of parameters in mid-run: the remembered past again, with the new ones.
@@ -285,10 +306,18 @@ impl Instance {
             return self.plant().map(drop);
         }
         let mut plant = self.plant()?;
-        for current_a in &self.past_a {
-            self.pressure_bar = plant.step(*current_a);
+        for inputs in &self.past {
+            (self.pressure_bar, self.current_out_a) = stepped(&mut plant, self.part, *inputs);
         }
         self.plant = Some(plant);
         Ok(())
     }
+}
+
+/// One step of the inputs: pressure [bar] and current at the curves [A].
+fn stepped(plant: &mut Plant, part: Part, (current_a, pressure_bar): (f64, f64)) -> (f64, f64) {
+    if part == Part::Behind {
+        plant.take(pressure_bar);
+    }
+    (plant.step(current_a), plant.at_curve_a())
 }

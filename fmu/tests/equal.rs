@@ -1,8 +1,8 @@
 //! The FMU gives what the library gives: every effect, step by step, two instances side by side.
 
-use hil::exchange::fmu::{CURRENT_IN, PRESSURE_OUT, SEED, variables};
+use hil::exchange::fmu::{CURRENT_IN, CURRENT_OUT, PRESSURE_IN, PRESSURE_OUT, Part, SEED, variables};
 use hil::physics::{EFFECTS, simulate, specification};
-use hil::valve::{Input, Valve};
+use hil::valve::{Hysteresis, Input, Valve};
 use hil_fmu::Instance;
 
 const STEP_S: f64 = 0.01;
@@ -21,7 +21,7 @@ fn drive() -> Vec<f64> {
 }
 
 fn begun(valve: Valve, first_a: f64) -> Instance {
-    let mut instance = Instance::of(valve, STEP_S).unwrap();
+    let mut instance = Instance::of(valve, Part::Whole, STEP_S).unwrap();
     instance.enter_initialization().unwrap();
     instance.set_real(CURRENT_IN, first_a).unwrap();
     instance.exit_initialization().unwrap();
@@ -97,7 +97,7 @@ fn long_steps_of_the_master_are_steps_of_the_model() {
 #[test]
 fn a_parameter_changed_in_mid_run_acts_as_if_it_had_always_been_so() {
     let current = drive();
-    let lag = variables(&paper()).unwrap().into_iter().find(|v| v.name == "lag").unwrap().reference;
+    let lag = variables(&paper(), Part::Whole).unwrap().into_iter().find(|v| v.name == "lag").unwrap().reference;
     let mut changed = begun(paper(), current[0]);
     run(&mut changed, &current[..1000]);
     changed.set_real(lag, 0.08).unwrap();
@@ -109,7 +109,7 @@ fn a_parameter_changed_in_mid_run_acts_as_if_it_had_always_been_so() {
 #[test]
 fn noise_needs_a_seed_and_follows_it() {
     let seeded = |seed: i32| {
-        let mut instance = Instance::of(paper(), STEP_S).unwrap();
+        let mut instance = Instance::of(paper(), Part::Whole, STEP_S).unwrap();
         instance.set_integer(SEED, seed).unwrap();
         instance.enter_initialization().unwrap();
         instance.set_real(CURRENT_IN, 0.5).unwrap();
@@ -124,7 +124,7 @@ fn noise_needs_a_seed_and_follows_it() {
 
 #[test]
 fn what_the_interface_forbids_is_refused_and_changes_nothing() {
-    let mut instance = Instance::of(paper(), STEP_S).unwrap();
+    let mut instance = Instance::of(paper(), Part::Whole, STEP_S).unwrap();
     assert!(instance.do_step(0.0, STEP_S).is_err(), "a step before the initialisation");
     assert!(instance.exit_initialization().is_err());
     assert!(instance.terminate().is_err());
@@ -161,10 +161,56 @@ fn a_model_that_is_not_that_of_the_description_is_refused() {
     let text = include_str!("../../valves/paper.toml");
     std::fs::write(folder.join("valve.toml"), text).unwrap();
     std::fs::write(folder.join("step.txt"), "0.01").unwrap();
-    let token = hil::exchange::fmu::token(text, 0.01);
+    let token = hil::exchange::fmu::token(text, Part::Whole, 0.01);
     assert!(Instance::new(&folder, &token).is_ok());
     assert!(Instance::new(&folder, "another").is_err());
     std::fs::write(folder.join("step.txt"), "nan").unwrap();
     assert!(Instance::new(&folder, &token).is_err());
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Effects on both sides of a valve, each an FMU of its own, are the valve with these effects.
+#[test]
+fn effects_about_a_model_are_the_model_with_them() {
+    let current = drive();
+    let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * STEP_S).collect();
+    let of = |ids: &[(&str, &[f64])]| {
+        ids.iter().map(|(id, theta)| specification(EFFECTS.iter().copied().find(|e| e.id() == *id).unwrap(), theta)).collect::<Vec<_>>()
+    };
+    let bare = Valve { lag_s: 0.0, ..paper() };
+    let effects: [&[(&str, &[f64])]; 2] = [&[("reversal_dead_band", &[0.015])], &[("leakage", &[1.0]), ("sensor_quantization", &[0.1])]];
+    let full = Valve { effects: of(&effects.concat()), ..bare.clone() };
+    let whole = simulate(&full, Input::Held, &time, &current).unwrap();
+    let alone = |part, effects| {
+        // What an export holds but for its curves, which give the effects their size here.
+        let valve = Valve { effects, hysteresis: Hysteresis::None, delay_s: 0.0, lag_s: 0.0, ..paper() };
+        let mut instance = Instance::of(valve, part, STEP_S).unwrap();
+        instance.enter_initialization().unwrap();
+        instance
+    };
+    // What goes in at a step's begin comes out at its end: each FMU is one step behind.
+    let mut ahead = alone(Part::Ahead, of(effects[0]));
+    ahead.set_real(CURRENT_IN, current[0]).unwrap();
+    ahead.exit_initialization().unwrap();
+    let mut sent = Vec::new();
+    for (k, value) in current.iter().enumerate() {
+        ahead.set_real(CURRENT_IN, *value).unwrap();
+        ahead.do_step(k as f64 * STEP_S, STEP_S).unwrap();
+        sent.push(ahead.real(CURRENT_OUT).unwrap());
+    }
+    assert!(ahead.real(PRESSURE_OUT).is_err() && ahead.set_real(PRESSURE_IN, 1.0).is_err());
+    let middle = simulate(&bare, Input::Held, &time, &sent).unwrap();
+    let mut behind = alone(Part::Behind, of(effects[1]));
+    behind.set_real(CURRENT_IN, sent[0]).unwrap();
+    behind.set_real(PRESSURE_IN, middle[0]).unwrap();
+    behind.exit_initialization().unwrap();
+    let mut out = Vec::new();
+    for (k, (value, pressure)) in sent.iter().zip(&middle).enumerate() {
+        behind.set_real(CURRENT_IN, *value).unwrap();
+        behind.set_real(PRESSURE_IN, *pressure).unwrap();
+        behind.do_step(k as f64 * STEP_S, STEP_S).unwrap();
+        out.push(behind.real(PRESSURE_OUT).unwrap());
+    }
+    assert!(difference(&out, &whole) <= ALLOWED, "{:e}", difference(&out, &whole));
+    assert!(difference(&middle, &whole) > 0.5);
 }

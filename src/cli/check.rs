@@ -7,6 +7,7 @@ use clap::Args;
 use super::run::{believed, checked_valve};
 use super::{CliError, CliResult, exit, files};
 use crate::document::{self, nearest};
+use crate::exchange::Attached;
 use crate::plan::{LIMITS_SCHEMA, LimitsFile, Plan};
 use crate::rig::profile::Profile;
 use crate::runner::Prepared;
@@ -22,9 +23,10 @@ pub struct CheckArgs {
 }
 
 /// The kinds of file that are known, by their schema key.
-const KINDS: [&str; 8] = [
+const KINDS: [&str; 9] = [
     crate::plan::SCHEMA,
     "hil.valve/1",
+    crate::exchange::ATTACHED_SCHEMA,
     "hil.driver/1",
     crate::batch::station::SCHEMA,
     crate::batch::population::SCHEMA,
@@ -56,6 +58,10 @@ fn check(path: &Path) -> Result<String, CliError> {
     match schema(&text).as_deref() {
         Some(crate::plan::SCHEMA) => plan(path),
         Some("hil.valve/1") => valve(path),
+        Some(crate::exchange::ATTACHED_SCHEMA) => {
+            let attached = Attached::load(path).map_err(CliError::input)?;
+            Ok(format!("foreign model `{}`, {} effects about it", attached.name, attached.effects.len()))
+        }
         Some(files::SCHEMA) => {
             let project = files::ProjectFile::load(path)?;
             Ok(format!("project `{}`", project.name))

@@ -5,17 +5,19 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::diagnose_foreign::{self, ForeignArgs, Named};
 use super::identify::sha256;
 use super::jobs::JobsArgs;
-use super::outputs::{Force, PLAN, VALVE};
+use super::outputs::{ATTACHED, Force, PLAN, VALVE};
 use super::progress::Working;
 use super::reading::ReadArgs;
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
-use crate::diagnose::{Diagnosed, Verdict, diagnose_against, story};
+use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story};
+use crate::exchange::{Attached, BaseFile};
 use crate::output::{Mark, Outputs};
 use crate::physics::EFFECTS;
-use crate::recording::{Reading, Recording, Selection, replace_file};
+use crate::recording::{Reading, Recording, RecordingError, Selection, replace_file};
 use crate::report;
 use crate::valve::{Hysteresis, Identification, Valve};
 
@@ -24,10 +26,13 @@ use crate::valve::{Hysteresis, Identification, Valve};
 pub struct DiagnoseArgs {
     /// The recording: .csv, .parquet or .mf4; several of one valve share what they show
     #[arg(required_unless_present = "jobs", conflicts_with = "jobs", value_name = "RECORDING")]
-    recordings: Vec<PathBuf>,
-    /// The valve model: a file, or the bare name of one in valves/
-    #[arg(long, value_name = "VALVE", required_unless_present = "jobs", conflicts_with = "jobs")]
-    model: Option<String>,
+    pub(super) recordings: Vec<PathBuf>,
+    /// The valve model: a file, or the bare name of one in valves/; or a foreign model, an FMU for co-simulation
+    #[arg(long, value_name = "VALVE|FMU", required_unless_present_any = ["jobs", "simulated"], conflicts_with = "jobs")]
+    pub(super) model: Option<String>,
+    /// A foreign base.
+    #[command(flatten)]
+    pub(super) foreign: ForeignArgs,
     /// A drive of the good valve, which decides what has changed and what the model never had; several may be given.
     /// Without it, the recordings that the model was identified from, where they still lie beside it
     #[arg(long, value_name = "GOOD.csv")]
@@ -49,7 +54,7 @@ pub struct DiagnoseArgs {
     fail_on: Option<FailOn>,
     /// How the recording is read.
     #[command(flatten)]
-    reading: ReadArgs,
+    pub(super) reading: ReadArgs,
     /// Many recordings.
     #[command(flatten)]
     many: JobsArgs,
@@ -75,11 +80,18 @@ enum Format {
 /// Diagnoses, writes what was asked for, prints.
 pub fn run(args: &DiagnoseArgs) -> CliResult {
     if args.many.jobs.is_some() {
-        return super::jobs::run(&super::jobs::Diagnose { reading: args.reading.reading()? }, &args.many);
+        let reading = args.reading.reading()?;
+        let map = reading.map.clone();
+        return super::jobs::run(&super::jobs::Diagnose { reading }, &map, &args.many);
     }
-    let (false, Some(model)) = (args.recordings.is_empty(), &args.model) else {
-        return Err(CliError::usage("a RECORDING and --model VALVE, or --jobs LIST"));
-    };
+    let usage = || CliError::usage("a RECORDING and --model VALVE|FMU or --simulated COLUMN|FILE, or --jobs LIST");
+    if args.recordings.is_empty() {
+        return Err(usage());
+    }
+    if let Some(named) = diagnose_foreign::base(args)? {
+        return foreign(args, named);
+    }
+    let model = args.model.as_ref().ok_or_else(usage)?;
     let model = Valve::find(model).map_err(CliError::input)?;
     let inputs = Outputs::new(args.force.force).reads(&args.recordings).reads([&model]).reads(&args.reference).reads(args.reading.files());
     let outputs = inputs.file(args.output.as_ref(), VALVE);
@@ -94,18 +106,50 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
     drop(working);
     name_apart(&mut diagnosed.augmented, &valve);
+    say(args, &diagnosed, &|diagnosed| diagnosed.augmented.to_toml())
+}
+
+/// Diagnoses against a model that is not ours.
+fn foreign(args: &DiagnoseArgs, named: Named) -> CliResult {
+    // What a simulation gave for the record says nothing of another drive.
+    let no_reference = args.foreign.simulated.is_some() && !args.reference.is_empty();
+    let refused = [(no_reference, "--reference"), (!args.without.is_empty(), "--without"), (args.next_plan.is_some(), "--next-plan")];
+    if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
+        return Err(CliError::usage(format!(
+            "{option}: is not had with this base: a foreign model is taken as it is, and a simulated pressure is known for its own drive only"
+        )));
+    }
+    let inputs =
+        Outputs::new(args.force.force).reads(&args.recordings).reads(&named.path).reads(&args.reference).reads(args.reading.files());
+    let _claim = inputs.file(args.output.as_ref(), ATTACHED).file(args.report.as_ref(), Mark::Page).claim()?;
+    let (base, file) = named.ready(args)?;
+    let good = named_references(args)?;
+    let recording = Recording::together(args.recordings.iter().map(|path| args.reading.read(path)).collect::<Result<_, _>>()?);
+    let working = Working::on("diagnosing");
+    let mut diagnosed = against_foreign(&recording, &base, &good).map_err(CliError::input)?;
+    drop(working);
+    let added: Vec<&str> = diagnosed.augmented.effects.iter().skip(base.effects.len()).map(|e| e.id.as_str()).collect();
+    if !added.is_empty() {
+        diagnosed.augmented.name = format!("{}+{}", base.name, added.join("+"));
+    }
+    let file = args.output.as_ref().map_or_else(BaseFile::default, |path| diagnose_foreign::named_from(file.clone(), path));
+    say(args, &diagnosed, &|found| Attached::of(found, file.clone()).map(|a| a.to_toml()).unwrap_or_default())
+}
+
+/// Writes what was asked for and prints.
+fn say(args: &DiagnoseArgs, diagnosed: &Diagnosed, model: &dyn Fn(&Diagnosed) -> String) -> CliResult {
     let comparable = diagnosed.diagnosis.verdict != Verdict::NotComparable;
     if !comparable && (args.output.is_some() || args.next_plan.is_some()) {
         super::note("model and recording do not belong together: no model and no plan is written");
     }
     if let Some(path) = args.output.as_ref().filter(|_| comparable) {
-        store(path, &diagnosed.augmented.to_toml())?;
+        store(path, &model(diagnosed))?;
     }
     if let Some(path) = &args.report {
-        store(path, &report::diagnosis::page(&diagnosed, &story(&diagnosed)))?;
+        store(path, &report::diagnosis::page(diagnosed, &story(diagnosed)))?;
     }
     if let Some(path) = args.next_plan.as_ref().filter(|_| comparable) {
-        next_plan(path, args, &diagnosed)?;
+        next_plan(path, args, diagnosed)?;
     }
     match args.format {
         Format::Json => super::print(&report::diagnosis::json(&diagnosed.diagnosis))?,
@@ -115,14 +159,25 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     Ok(if mismatch { exit::NEGATIVE } else { exit::DONE })
 }
 
-/// Data of the good valve: what was named, otherwise what the model was identified from, as long as it is the same file.
-fn references(args: &DiagnoseArgs, (model, valve): (&Path, &Valve)) -> Result<Vec<Recording>, CliError> {
+/// Reads a drive of the good valve.
+fn reader(args: &DiagnoseArgs) -> Result<impl Fn(&Path) -> Result<Recording, RecordingError>, CliError> {
     // What is selected is selected of the record; a reference may have the mapping of the record, or its own names.
     let reading = Reading { select: Selection::default(), ..args.reading.reading()? };
-    let read = |path: &Path| Recording::read_as(path, &reading).or_else(|e| Recording::read(path, &[]).map_err(|_| e));
+    Ok(move |path: &Path| Recording::read_as(path, &reading).or_else(|e| Recording::read(path, &[]).map_err(|_| e)))
+}
+
+/// The drives of the good valve that were named.
+fn named_references(args: &DiagnoseArgs) -> Result<Vec<Recording>, CliError> {
+    let read = reader(args)?;
+    args.reference.iter().map(|path| read(path).map_err(CliError::input)).collect()
+}
+
+/// Data of the good valve: what was named, otherwise what the model was identified from, as long as it is the same file.
+fn references(args: &DiagnoseArgs, (model, valve): (&Path, &Valve)) -> Result<Vec<Recording>, CliError> {
     if !args.reference.is_empty() {
-        return args.reference.iter().map(|path| read(path).map_err(CliError::input)).collect();
+        return named_references(args);
     }
+    let read = reader(args)?;
     let kept = valve.identification.iter().flat_map(Identification::sources).map(|(name, digest)| (model.with_file_name(name), digest));
     let same = kept.filter(|(path, digest)| !args.recordings.contains(path) && sha256(path).is_ok_and(|found| found == *digest));
     Ok(same.filter_map(|(path, _)| read(&path).ok()).collect())

@@ -3,12 +3,13 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::outputs::{Force, VALVE};
 use super::{CliError, CliResult, exit, note};
 use crate::exchange::aqdef::Lot;
-use crate::exchange::fmu::{Export, Version, find_library};
+use crate::exchange::fmu::{Export, Part, Version, find_library};
+use crate::exchange::{Attached, Side};
 use crate::output::{Mark, Outputs};
 use crate::recording::replace_file;
 use crate::units::Time;
@@ -17,7 +18,8 @@ use crate::valve::Valve;
 /// What goes where.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
-    /// The folder of a batch, or a valve model: a file, or the bare name of one that ships
+    /// The folder of a batch, a valve model (a file, or the bare name of one that ships), or what a diagnosis found about a
+    /// foreign model
     source: PathBuf,
     /// The file to write: .fmu and .json of a model, .dfq (AQDEF) of a batch
     #[arg(short = 'o', long, value_name = "FILE")]
@@ -31,12 +33,21 @@ pub struct ExportArgs {
     /// The library that goes into an FMU, where it does not lie beside the program
     #[arg(long, value_name = "FILE")]
     library: Option<PathBuf>,
+    /// Which effects about a foreign model go into the FMU, where some act ahead of it and others behind
+    #[arg(long, value_enum)]
+    side: Option<SideArg>,
     /// The part number to hand over, where a batch holds several
     #[arg(long, value_name = "NUMBER")]
     part: Option<String>,
     /// Whether an existing file may be replaced.
     #[command(flatten)]
     force: Force,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SideArg {
+    Ahead,
+    Behind,
 }
 
 /// Writes the file.
@@ -69,9 +80,36 @@ fn model(args: &ExportArgs) -> Result<(PathBuf, String), CliError> {
     Ok((path, text))
 }
 
+/// The text of a valve, and what of it goes into the FMU.
+fn part(args: &ExportArgs, path: &Path, text: String) -> Result<(String, Part), CliError> {
+    if !Attached::is(&text) {
+        return match args.side {
+            Some(_) => Err(CliError::usage("--side: is for what a diagnosis found about a foreign model")),
+            None => Ok((text, Part::Whole)),
+        };
+    }
+    let attached = Attached::load(path).map_err(CliError::input)?;
+    let of = |side| attached.side(side).map_err(CliError::input);
+    let (valve, part) = match args.side {
+        Some(SideArg::Ahead) => (of(Side::Ahead)?, Part::Ahead),
+        Some(SideArg::Behind) => (of(Side::Behind)?, Part::Behind),
+        None => match (of(Side::Ahead), of(Side::Behind)) {
+            (Ok(_), Ok(_)) => {
+                let what = "holds effects on both sides of the model; --side ahead and --side behind export one FMU each";
+                return Err(CliError::usage(format!("{}: {what}", path.display())));
+            }
+            (Ok(ahead), Err(_)) => (ahead, Part::Ahead),
+            (Err(_), Ok(behind)) => (behind, Part::Behind),
+            (Err(_), Err(e)) => return Err(e),
+        },
+    };
+    Ok((valve.to_toml(), part))
+}
+
 fn fmu(args: &ExportArgs) -> CliResult {
     let (path, text) = model(args)?;
-    let export = Export::new(&text, &path.display().to_string(), args.step).map_err(CliError::input)?;
+    let (text, part) = part(args, &path, text)?;
+    let export = Export::new(&text, &path.display().to_string(), part, args.step).map_err(CliError::input)?;
     let library = args.library.clone().map_or_else(find_library, Ok).map_err(CliError::usage)?;
     let bytes = std::fs::read(&library).map_err(|e| CliError::usage(format!("{}: {e}", library.display())))?;
     let version = if args.fmi == 2 { Version::Two } else { Version::Three };

@@ -22,6 +22,7 @@ mod compare;
 mod completions;
 mod control_page;
 mod diagnose;
+mod diagnose_foreign;
 mod diff;
 mod emulate;
 mod explain;

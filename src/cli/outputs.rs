@@ -7,6 +7,8 @@ use crate::output::{Mark, OutputError};
 
 /// A valve model.
 pub const VALVE: Mark = Mark::Schema("hil.valve/1");
+/// A foreign model with effects about it.
+pub const ATTACHED: Mark = Mark::Schema(crate::exchange::ATTACHED_SCHEMA);
 /// A plan.
 pub const PLAN: Mark = Mark::Schema(crate::plan::SCHEMA);
 /// A mapping.

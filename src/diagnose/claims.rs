@@ -26,12 +26,13 @@ impl Findings<'_, '_> {
 
     /// The findings parted into what says nothing of a fault and what does.
     ///
-    /// Without data of the good valve, what acts as another form of the loop would is form. With it, so is all that this
-    /// data does not exclude: the model lacks it, and always did.
+    /// Without data of the good valve, what acts as another form of the loop would is form; not about a foreign model, whose
+    /// loop nobody fitted to this valve. With it, so is all that this data does not exclude: the model lacks it, and always did.
     pub fn sorted(&self, findings: Vec<(f64, Finding)>) -> (Vec<Finding>, Vec<Finding>) {
         findings.into_iter().map(|f| f.1).partition(|f| {
             let of = |is: fn(&dyn Effect) -> bool| effect(&f.id).is_some_and(is);
             match self.good {
+                None if self.fitter.evidence.base.is_some() => of(|e| e.kind() == Kind::Form),
                 None => of(|e| e.imitates_form()),
                 Some(_) => f.claim == Claim::Lacks || of(|e| e.kind() == Kind::Form),
             }

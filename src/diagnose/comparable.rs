@@ -9,7 +9,6 @@ use realfft::RealFftPlanner;
 
 use super::evidence::Evidence;
 use super::mistake::{Mistake, SECOND_S};
-use crate::course::{Input, Run};
 use crate::physics::{PhysicsError, Pipeline, signals};
 use crate::valve::Valve;
 
@@ -80,7 +79,9 @@ pub fn mistake(evidence: &Evidence, valve: &Valve) -> Result<Option<(Mistake, f6
     let fits = !rests && plain.is_a_valve() && plain.share > FOLLOWS;
     let left = |share: f64| 1.0 - share;
     // The clock first: whatever else is wrong, the shift of time would take a wrong clock for its own.
-    for factor in CLOCKS {
+    // What a foreign model would say to another clock or command is not known.
+    let clocks: &[f64] = if evidence.base.is_some() { &[] } else { &CLOCKS };
+    for factor in clocks.iter().copied() {
         let other = of(Reading { clock: factor, ..Reading::default() })?;
         // A model whose whole answer fits between two samples was not made from recordings with this clock.
         let between = factor < 1.0 && evidence.is_slow() && valve.delay_s + valve.lag_s < 0.5 * evidence.step_s();
@@ -110,7 +111,7 @@ pub fn mistake(evidence: &Evidence, valve: &Valve) -> Result<Option<(Mistake, f6
     };
     let mut readings = vec![(Reading { exchanged: true, ..Reading::default() }, Mistake::Exchanged)];
     readings.extend(CURRENTS.iter().map(|f| (Reading { current: *f, ..Reading::default() }, Mistake::Current { factor: *f })));
-    for (reading, mistake) in readings {
+    for (reading, mistake) in readings.into_iter().filter(|_| evidence.base.is_none()) {
         let other = of(reading)?;
         if other.is_a_valve() {
             consider(other.share, mistake);
@@ -183,8 +184,9 @@ fn mean<'v>(values: impl Iterator<Item = &'v f64>) -> f64 {
 }
 
 /// Simulation and pressure of one grid as read; a long one thinned.
-fn pair(grid: &Run, input: Input, valve: &Valve, reading: Reading) -> Result<(Vec<f64>, Vec<f64>, f64), PhysicsError> {
-    let pipeline = Pipeline { input, ..Pipeline::of(valve)? };
+fn pair(evidence: &Evidence, number: usize, valve: &Valve, reading: Reading) -> Result<(Vec<f64>, Vec<f64>, f64), PhysicsError> {
+    let grid = &evidence.grids[number];
+    let pipeline = Pipeline { input: evidence.input, ..Pipeline::of(valve)? };
     let dt_s = grid.dt_s * reading.clock;
     let held = |values: &[f64]| {
         let mut last = values.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
@@ -205,7 +207,10 @@ fn pair(grid: &Run, input: Input, valve: &Valve, reading: Reading) -> Result<(Ve
     };
     let current: Vec<f64> = current.iter().map(|i| i * reading.current).collect();
     let (mut work, mut simulated) = (Vec::new(), Vec::new());
-    pipeline.run(0.0, dt_s, &signals(grid).with_current(&current), &mut work, &mut simulated);
+    match &evidence.base {
+        Some(base) => simulated = base.as_read(number, grid.dt_s),
+        None => pipeline.run(0.0, dt_s, &signals(grid).with_current(&current), &mut work, &mut simulated),
+    }
     // One sample in so many; delays of a valve stay several of them up to 100 Hz.
     let every = simulated.len().div_ceil(LONGEST).max(1);
     let thin = |v: Vec<f64>| v.into_iter().step_by(every).collect::<Vec<f64>>();
@@ -215,8 +220,8 @@ fn pair(grid: &Run, input: Input, valve: &Valve, reading: Reading) -> Result<(Ve
 /// How the simulation of this reading agrees with its pressure.
 fn agreement(evidence: &Evidence, valve: &Valve, reading: Reading) -> Result<Agreement, PhysicsError> {
     let mut pairs = Vec::new();
-    for grid in &evidence.grids {
-        pairs.push(pair(grid, evidence.input, valve, reading)?);
+    for number in 0..evidence.grids.len() {
+        pairs.push(pair(evidence, number, valve, reading)?);
     }
     let (g_mean, y_mean) = (mean(pairs.iter().flat_map(|p| &p.0)), mean(pairs.iter().flat_map(|p| &p.1)));
     let longest = pairs.iter().map(|p| p.0.len()).max().unwrap_or(0);
@@ -300,8 +305,8 @@ fn correlation(g: &[f64], y: &[f64], size: usize) -> Vec<f64> {
 /// Share of the variance that any rising curve over the simulation explains, the pressure shifted by `shift_s`.
 fn rising(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<f64, PhysicsError> {
     let mut points = Vec::new();
-    for grid in &evidence.grids {
-        let (simulated, pressure, dt_s) = pair(grid, evidence.input, valve, Reading::default())?;
+    for number in 0..evidence.grids.len() {
+        let (simulated, pressure, dt_s) = pair(evidence, number, valve, Reading::default())?;
         let lag = (shift_s / dt_s).round() as i64;
         points.extend(simulated.iter().enumerate().filter_map(|(k, g)| {
             let y = *pressure.get(usize::try_from(k as i64 + lag).ok()?)?;

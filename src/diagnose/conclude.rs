@@ -151,7 +151,12 @@ impl<'a> Findings<'_, 'a> {
             runner_up_bar,
         };
         let rival = self.rival(&diagnosis.effects);
-        Diagnosed { diagnosis, augmented, curves, rival }
+        let mut theta = if kept { self.given.calibrated() } else { search.chosen.theta.clone() };
+        if let Some(base) = evidence.base.as_ref().filter(|_| kept) {
+            base.undo(&mut theta);
+        }
+        let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
+        Diagnosed { diagnosis, augmented, curves, rival, recalibration }
     }
 
     /// RMSE of a held-out residual with the masked readings counted against the model again.
@@ -178,6 +183,9 @@ impl<'a> Findings<'_, 'a> {
     fn as_given(&self) -> Vec<f64> {
         let mut theta = self.given.calibrated();
         theta[BASE - 1] = self.given.valve.lag_s;
+        if let Some(base) = &self.fitter.evidence.base {
+            base.undo(&mut theta);
+        }
         let mut out = Vec::new();
         Simulator::starting_at(self.fitter.evidence, MIDDLE).pressure(self.given, &theta, &mut out);
         out
@@ -329,7 +337,7 @@ impl<'a> Findings<'_, 'a> {
         let trifle = [0.002f64, 0.03, 0.05, 0.2, 0.002, 0.003];
         let delays = |theta: &[f64]| {
             let mut t = theta.to_vec();
-            t[4] = super::model::delay_s(theta);
+            t[4] = if self.fitter.evidence.base.is_some() { theta[4] } else { super::model::delay_s(theta) };
             t
         };
         let (start, chosen_theta) = (delays(&start), delays(&chosen.theta));

@@ -147,6 +147,10 @@ impl Fitter<'_> {
                 continue;
             }
             let (free, here) = (&free[*k], theta[*k]);
+            if free.range.0 == free.range.1 {
+                column.resize(residual.len(), 0.0);
+                continue;
+            }
             let mut ahead = shifted(free, here, free.step);
             if ahead == here {
                 ahead = shifted(free, here, -free.step);

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::foreign::Recalibration;
 use super::mistake::Mistake;
 use crate::valve::Valve;
 
@@ -267,6 +268,8 @@ pub struct Diagnosed {
     pub curves: Curves,
     /// The model that comes closest to it; `None` where nothing was found.
     pub rival: Option<Rival>,
+    /// How a foreign base is to be read; `None` where the base is a valve. The effects about it are those of `augmented`.
+    pub recalibration: Option<Recalibration>,
 }
 
 /// A model with another effect in place of one that was found.

@@ -24,4 +24,12 @@ pub enum DiagnoseError {
         /// What is wrong.
         source: Box<crate::physics::PhysicsError>,
     },
+    /// A foreign model cannot be run.
+    #[error("{model}: {problem}")]
+    Foreign {
+        /// The model's name.
+        model: String,
+        /// What it refused.
+        problem: String,
+    },
 }

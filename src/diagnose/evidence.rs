@@ -1,5 +1,6 @@
 //! What the fits of a diagnosis look at: the runs of a course and its noise.
 
+use super::foreign::Base;
 use crate::course::{Course, CourseError, Input, Run};
 use crate::physics::Channel;
 
@@ -30,6 +31,8 @@ pub struct Evidence {
     /// Where between its curves the valve stands at first, for each run: 0 ascending, 1 descending; the middle where it is soon
     /// forgotten.
     pub start_shares: Vec<f64>,
+    /// The foreign model that is the base, where there is one.
+    pub base: Option<Base>,
 }
 
 impl Evidence {
@@ -46,7 +49,7 @@ impl Evidence {
         // What nothing at all disturbs would make every trifle evidence without end.
         let start_shares = vec![MIDDLE; course.runs.len()];
         let noise_bar = course.noise.bar.max(LEAST_NOISE_BAR);
-        Ok(Self { noise_bar, grids: course.runs, input: course.input, notes: course.notes, start_shares })
+        Ok(Self { noise_bar, grids: course.runs, input: course.input, notes: course.notes, start_shares, base: None })
     }
 
     /// Whether this channel was recorded and moved, so that an effect that follows it can be told from a constant.

@@ -153,7 +153,7 @@ mod tests {
         let mut diagnosis = crate::diagnose::diagnosis::tests::nothing();
         diagnosis.rmse_bar.noise_floor = 0.02;
         let rival = Rival { of: first.0.into(), id: second.0.into(), valve: with(second.1), indistinguishable: true };
-        Diagnosed { diagnosis, augmented: with(first.1), curves: Curves::default(), rival: Some(rival) }
+        Diagnosed { diagnosis, augmented: with(first.1), curves: Curves::default(), rival: Some(rival), recalibration: None }
     }
 
     #[test]

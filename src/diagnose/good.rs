@@ -7,6 +7,7 @@ use super::diagnosis::{Claim, Estimate, Finding};
 use super::error::DiagnoseError;
 use super::evidence::Evidence;
 use super::fit::{Fit, Fitter};
+use super::foreign::{Base, Foreign};
 use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
 use super::search::search;
@@ -106,7 +107,7 @@ impl Good {
     ///
     /// # Errors
     /// [`DiagnoseError`] where that data cannot be used, or does not belong to the model.
-    pub fn of(recordings: &[&Recording], valve: &Valve) -> Result<Self, DiagnoseError> {
+    pub fn of(recordings: &[&Recording], valve: &Valve, foreign: Option<&Foreign>) -> Result<Self, DiagnoseError> {
         let names: Vec<String> = recordings.iter().map(|r| r.source.clone()).collect();
         let all = Recording {
             source: names.join(", "),
@@ -116,13 +117,16 @@ impl Good {
         };
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
         let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
+        if let Some(foreign) = foreign {
+            Base::on(&mut evidence, foreign)?;
+        }
         if let Some((mistake, _)) = comparable::mistake(&evidence, valve).map_err(model)? {
             return Err(DiagnoseError::Recording {
                 source_name: all.source,
                 problem: format!("is to be data of the good valve, but does not belong to the model: {}", mistake.text()),
             });
         }
-        let mut base = Model::base(valve).map_err(model)?;
+        let mut base = Model::base(valve).map_err(model)?.on(&evidence);
         let slow = evidence.is_slow();
         if slow {
             base = base.of_process(evidence.step_s());
@@ -163,7 +167,12 @@ impl Good {
         let as_given = fitter.score(&mut Simulator::new(&evidence), &base, &given, &mut Vec::new()).rmse_bar;
         let corrected = chosen.model.valve_file(&chosen.theta);
         let rmse_bar = (as_given, chosen.rmse_bar);
+        let theta = chosen.theta.clone();
         let (measured, tau_samples) = (fitter.measured.clone(), fitter.tau_samples);
+        // From here on the base is read as the good valve shows it.
+        if let Some(base) = &mut evidence.base {
+            base.read_as(base.recalibration(&theta));
+        }
         Ok(Self { names, valve: corrected, corrections, scatter: seen, measured, tau_samples, rmse_bar, evidence })
     }
 
@@ -174,7 +183,7 @@ impl Good {
 
     /// How much that data speaks against an effect of these values [nats]; the base may make room for it.
     pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64]) -> f64 {
-        let Ok(base) = Model::base(&self.valve) else { return 0.0 };
+        let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return 0.0 };
         let fitter = Fitter { measured: self.measured.clone(), tau_samples: self.tau_samples, ..Fitter::new(&self.evidence) };
         let mut simulator = Simulator::new(&self.evidence);
         let held = |simulator: &mut Simulator<'_>, model: &Model<'_>, start: &[f64]| -> f64 {

@@ -61,5 +61,6 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
         augmented_bar: simulated,
         runner_up_bar: Vec::new(),
     };
-    Diagnosed { diagnosis, augmented: base.valve.clone(), curves, rival: None }
+    let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
+    Diagnosed { diagnosis, augmented: base.valve.clone(), curves, rival: None, recalibration }
 }

@@ -14,6 +14,7 @@ mod error;
 mod evidence;
 mod experiment;
 mod fit;
+mod foreign;
 mod good;
 mod heldout;
 mod hollow;
@@ -29,6 +30,7 @@ mod scatter;
 mod screen;
 mod search;
 mod signature;
+mod simulated;
 mod start;
 mod stimuli;
 mod story;
@@ -39,8 +41,10 @@ pub use diagnosis::{
     SCHEMA, Verdict, Window,
 };
 pub use error::DiagnoseError;
+pub use foreign::{Foreign, Plant, Recalibration};
 pub use mistake::Mistake;
 pub use signature::{Axis, Signature};
+pub use simulated::Simulated;
 pub use story::{Cell, RunStory, Slice, Story, Strip, story};
 pub use words::{figure, paragraph, title, uncertainty};
 
@@ -48,6 +52,7 @@ use conclude::Findings;
 use criteria::Criteria;
 use evidence::Evidence;
 use fit::Fitter;
+use foreign::Base;
 use good::Good;
 use model::Model;
 use scatter::scatter;
@@ -71,15 +76,45 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
 /// # Errors
 /// As [`diagnose`]; also where data of the good valve does not belong to the model.
 pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
-    let mut evidence = Evidence::of(Course::of(recording, &Preparation::for_model(recording, valve))?)?;
+    let evidence = Evidence::of(Course::of(recording, &Preparation::for_model(recording, valve))?)?;
+    on_evidence(recording, evidence, valve, good, None)
+}
+
+/// Diagnoses a recording against a model that is not ours, with the effects that stand about it already, and data of the
+/// good valve as in [`diagnose_against`].
+///
+/// # Errors
+/// As [`diagnose`]; also [`DiagnoseError::Foreign`] where that model refuses.
+pub fn diagnose_foreign(recording: &Recording, foreign: &Foreign, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
+    let preparation = Preparation { input: recording.input, ..Preparation::default() };
+    let mut evidence = Evidence::of(Course::of(recording, &preparation)?)?;
+    let valve = Base::on(&mut evidence, foreign)?;
+    let base = evidence.base.clone();
+    let found = on_evidence(recording, evidence, &valve, good, Some(foreign))?;
+    match base.and_then(|base| base.refused()) {
+        Some(problem) => Err(foreign.refused(problem)),
+        None => Ok(found),
+    }
+}
+
+fn on_evidence(
+    recording: &Recording,
+    mut evidence: Evidence,
+    valve: &Valve,
+    good: &[Recording],
+    foreign: Option<&Foreign>,
+) -> Result<Diagnosed, DiagnoseError> {
     let model_error = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
-    let given = Model::base(valve).map_err(model_error)?;
+    let given = Model::base(valve).map_err(model_error)?.on(&evidence);
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
     let speaking = good::speaking(&evidence, good, &Criteria::default());
-    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve)?) };
-    let mut base = Model::base(good.as_ref().map_or(valve, |g| &g.valve)).map_err(model_error)?;
+    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
+    if let Some((base, good)) = evidence.base.as_mut().zip(good.as_ref().and_then(|g| g.evidence.base.as_ref())) {
+        base.read_as(good.read());
+    }
+    let mut base = Model::base(good.as_ref().map_or(valve, |g| &g.valve)).map_err(model_error)?.on(&evidence);
     if evidence.is_slow() {
         base = base.of_process(evidence.step_s());
         evidence.notes.push(format!(
@@ -125,7 +160,8 @@ pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]
         );
         found.diagnosis.notes.push(text);
     }
-    found.diagnosis.next_experiment = experiment::next_experiment(&found);
+    // What a foreign model does on another stimulus is not simulated.
+    found.diagnosis.next_experiment = if found.recalibration.is_none() { experiment::next_experiment(&found) } else { None };
     Ok(found)
 }
 

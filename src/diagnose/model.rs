@@ -110,6 +110,8 @@ pub struct Model<'a> {
     lag_limit_s: f64,
     /// How much slower than a valve the recorded process is.
     pub slowness: f64,
+    /// Step of the recording where the base is a foreign model, of which gain, zero and delay alone can move [s].
+    foreign_step_s: Option<f64>,
 }
 
 impl<'a> Model<'a> {
@@ -127,7 +129,13 @@ impl<'a> Model<'a> {
             held: Vec::new(),
             lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S,
             slowness: 1.0,
+            foreign_step_s: None,
         })
+    }
+
+    /// This model about the base of the evidence, which may be a foreign one.
+    pub fn on(self, evidence: &Evidence) -> Self {
+        Self { foreign_step_s: evidence.base.as_ref().map(|_| evidence.step_s()), ..self }
     }
 
     /// This model with no more lag than a slow sweep cannot see: a longer one, which an identification took in and the
@@ -223,6 +231,15 @@ impl<'a> Model<'a> {
             prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
         };
         let mut free = vec![linear(0, 0.3, 1e-4), linear(1, 3.0, 2e-3), linear(2, 3.0, 2e-3), linear(3, 5.0, 0.02), delay, lag];
+        if let Some(step_s) = self.foreign_step_s {
+            for k in [2, 3, 5] {
+                free[k] = Free { range: (start[k], start[k]), log: false, step: 0.0, prior: None };
+            }
+            free[DELAY].range.0 = -free[DELAY].range.1;
+            // Whether a simulation reads its command at the begin or the end of a step is its own affair.
+            let sigma = CALIBRATION[DELAY].hypot(step_s);
+            free[DELAY].prior = Some(Prior { mean: start[DELAY], sigma, heavy: Heavy::No });
+        }
         for (effect, held) in self.effects.iter().zip(&self.held) {
             free.extend(effect.parameters().iter().zip(held).map(|(p, held)| {
                 let log = p.range.0 > 0.0 && p.range.1 / p.range.0 > 20.0;
@@ -307,7 +324,7 @@ impl<'a> Model<'a> {
         if let Hysteresis::Hyperbolic { a_bar2 } = &mut valve.hysteresis {
             *a_bar2 = theta[3].exp();
         }
-        let delay_s = delay_s(theta);
+        let delay_s = if self.foreign_step_s.is_some() { 0.0 } else { delay_s(theta) };
         let shift = delay_s - valve.delay_s;
         valve.delay_s = delay_s;
         valve.delay_range_s = ((valve.delay_range_s.0 + shift).clamp(0.0, delay_s), (valve.delay_range_s.1 + shift).max(delay_s));
@@ -348,6 +365,10 @@ impl<'e> Simulator<'e> {
     pub fn pressure(&mut self, model: &Model<'_>, theta: &[f64], out: &mut Vec<f64>) {
         let curves = model.curves(theta);
         let pipeline = Pipeline { input: self.evidence.input, ..model.pipeline(&curves, theta) };
+        if let Some(base) = &self.evidence.base {
+            base.pressure(self.evidence, pipeline, theta, out);
+            return;
+        }
         let mut current_key = vec![pipeline.dead_time_s()];
         for (k, (effect, values)) in pipeline.effects.iter().enumerate() {
             if effect.stage() < Stage::Static {

@@ -3,10 +3,12 @@
 //! Nothing here judges or computes a figure: an export shows what a record or a model already holds.
 
 pub mod aqdef;
+mod attached;
 mod error;
 #[cfg(feature = "fmi")]
 pub mod fmu;
 #[cfg(all(unix, feature = "fmi"))]
 pub mod foreign;
 
+pub use attached::{Attached, BaseFile, SCHEMA as ATTACHED_SCHEMA, Side};
 pub use error::ExchangeError;

@@ -4,6 +4,7 @@
 //! any model. `run --sim`, `simulate`, `identify` and `diagnose` all use this one pipeline.
 
 mod air_entrainment;
+mod around;
 mod asymmetric_lag;
 mod block;
 mod chain;

@@ -152,7 +152,7 @@ impl<'a> Pipeline<'a> {
 }
 
 /// Each sample followed by the parts of the step after it; the last sample stands alone.
-fn spread(values: &[f64], parts: usize, input: Input) -> Vec<f64> {
+pub(super) fn spread(values: &[f64], parts: usize, input: Input) -> Vec<f64> {
     let next = values.iter().skip(1).map(Some).chain([None]);
     let steps = values.iter().zip(next).flat_map(|(from, to)| {
         let slope = match (input, to) {

@@ -26,6 +26,10 @@ pub struct Plant {
     supply_bar: Option<f64>,
     /// The command that the driver holds [A].
     command_a: f64,
+    /// Pressure in place of that of the curves [bar].
+    elsewhere_bar: Option<f64>,
+    /// Current at the curves [A].
+    at_curve_a: f64,
     /// Simulated steps per period.
     parts: usize,
     /// Blocks settle at their first input, as they do in a whole simulation.
@@ -59,6 +63,8 @@ impl Plant {
             noise,
             oil_temp_c: None,
             supply_bar: None,
+            elsewhere_bar: None,
+            at_curve_a: start_current_a,
             parts,
             command_a: start_current_a,
             started: false,
@@ -68,6 +74,16 @@ impl Plant {
     /// From now on the oil has this temperature [degC] and the supply this pressure [bar], for the effects that use them.
     pub fn surround(&mut self, oil_temp_c: Option<f64>, supply_bar: Option<f64>) {
         (self.oil_temp_c, self.supply_bar) = (oil_temp_c, supply_bar);
+    }
+
+    /// From now on the pressure behind the curves is this one [bar], from a model that stands in their place.
+    pub fn take(&mut self, pressure_bar: f64) {
+        self.elsewhere_bar = Some(pressure_bar);
+    }
+
+    /// The current at the curves after the last step [A].
+    pub fn at_curve_a(&self) -> f64 {
+        self.at_curve_a
     }
 
     /// The pressure measured as `command_a` arrives at the driver, one period after the last call [bar].
@@ -105,7 +121,9 @@ impl Plant {
             Some(state) => state,
             state => state.insert(self.hysteresis.start(&self.curves, current_a)),
         };
-        let mut pressure = [state.advance(&self.curves, current_a)];
+        let own_bar = state.advance(&self.curves, current_a);
+        self.at_curve_a = current_a;
+        let mut pressure = [self.elsewhere_bar.unwrap_or(own_bar)];
         let channel = |value: &Option<f64>| value.map(|v| [v]);
         let (oil, supply) = (channel(&self.oil_temp_c), channel(&self.supply_bar));
         let at = Signals { current_a: &[current_a], oil_temp_c: oil.as_ref().map(|o| &o[..]), supply_bar: supply.as_ref().map(|s| &s[..]) };

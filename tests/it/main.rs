@@ -7,8 +7,11 @@ mod blind;
 mod challenge;
 mod course;
 mod diagnose;
+mod export;
 mod fake;
 mod fleet;
+#[cfg(all(unix, feature = "fmi"))]
+mod foreign;
 mod fuzz;
 mod home;
 mod identify;

@@ -5,8 +5,8 @@
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesText, Event};
 
-use super::Export;
 use super::variables::{Causality, SEED, Variable};
+use super::{Export, Part};
 
 /// Version of the interface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,11 +54,18 @@ pub fn description(export: &Export, version: Version) -> std::io::Result<Vec<u8>
     let mut sink = Writer::new_with_indent(Vec::new(), b' ', 1);
     sink.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let tool = format!("hil {}", env!("CARGO_PKG_VERSION"));
+    let description = match export.part {
+        Part::Whole => "electro-hydraulic valve: current in, pressure out; no FMU state can be saved, blocks have no copy",
+        Part::Ahead => "effects ahead of a valve: current in, current out; no FMU state can be saved, blocks have no copy",
+        Part::Behind => {
+            "effects behind a valve: its pressure and its current in, pressure out; no FMU state can be saved, blocks have no copy"
+        }
+    };
     let root = sink.create_element("fmiModelDescription").with_attributes([
         ("fmiVersion", if version == Version::Two { "2.0" } else { "3.0" }),
         ("modelName", export.valve.name.as_str()),
         (if version == Version::Two { "guid" } else { "instantiationToken" }, export.token.as_str()),
-        ("description", "electro-hydraulic valve: current in, pressure out; no FMU state can be saved, blocks have no copy"),
+        ("description", description),
         ("generationTool", tool.as_str()),
         ("variableNamingConvention", "structured"),
     ]);

@@ -4,13 +4,17 @@
 //! the valve file that it is (`resources/valve.toml`). Parameters of the model are tunable parameters of the FMU.
 
 mod description;
+mod part;
 mod variables;
 
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 pub use description::{MODEL_IDENTIFIER, Version};
-pub use variables::{CURRENT_IN, Causality, MODEL_TIME_OUT, Meaning, PRESSURE_OUT, SEED, Variable, set, variables};
+pub use part::{PART_FILE, Part};
+pub use variables::{
+    CURRENT_IN, CURRENT_OUT, Causality, MODEL_TIME_OUT, Meaning, PRESSURE_IN, PRESSURE_OUT, SEED, Variable, set, variables,
+};
 
 use super::ExchangeError;
 use crate::units::{TIME, Time};
@@ -28,29 +32,34 @@ pub const LIBRARY: &str = "libhil_fmu.so";
 pub struct Export {
     valve: Valve,
     valve_text: String,
+    part: Part,
     step_s: f64,
     token: String,
     variables: Vec<Variable>,
 }
 
 impl Export {
-    /// A model from the text of its file, stepped every `step`.
+    /// A model, or effects about another one, from the text of its file, stepped every `step`.
     ///
     /// # Errors
     /// [`ExchangeError`] where the model is wrong or the step no positive time.
-    pub fn new(valve_text: &str, source_name: &str, step: Time) -> Result<Self, ExchangeError> {
+    pub fn new(valve_text: &str, source_name: &str, part: Part, step: Time) -> Result<Self, ExchangeError> {
         let valve = Valve::from_toml(valve_text, source_name)?;
-        let variables = variables(&valve).map_err(|e| ExchangeError::Model(format!("{source_name}: {e}")))?;
+        let variables = variables(&valve, part).map_err(|e| ExchangeError::Model(format!("{source_name}: {e}")))?;
         let step_s = step.value();
         if !(1e-5..=1.0).contains(&step_s) {
             return Err(ExchangeError::Model(format!("--step {}: 10 us to 1 s is allowed", TIME.print(step_s))));
         }
-        let token = token(valve_text, step_s);
-        Ok(Self { valve, valve_text: valve_text.into(), step_s, token, variables })
+        let token = token(valve_text, part, step_s);
+        Ok(Self { valve, valve_text: valve_text.into(), part, step_s, token, variables })
     }
 
     /// What the user of the FMU should know of how it differs from `hil simulate`.
     pub fn notes(&self) -> Vec<String> {
+        if self.part != Part::Whole {
+            let text = "effects alone: a master reads their output one step after it has set their input";
+            return vec![text.into()];
+        }
         let short = self.valve.delay_s < self.step_s;
         let note = format!(
             "the model's delay of {} is below one step of {}: a master sets the input at a step's begin, so the pressure follows one step later",
@@ -68,11 +77,12 @@ impl Export {
         let folder = if version == Version::Two { "linux64" } else { "x86_64-linux" };
         let step = self.step_s.to_string();
         let description = description::description(self, version).map_err(|e| ExchangeError::Archive(e.to_string()))?;
-        let files: [(String, &[u8]); 4] = [
+        let files: [(String, &[u8]); 5] = [
             ("modelDescription.xml".into(), &description),
             (format!("binaries/{folder}/{MODEL_IDENTIFIER}.so"), library),
             (format!("resources/{VALVE_FILE}"), self.valve_text.as_bytes()),
             (format!("resources/{STEP_FILE}"), step.as_bytes()),
+            (format!("resources/{PART_FILE}"), self.part.name().as_bytes()),
         ];
         let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
         // No time of its own: the same model gives the same bytes.
@@ -86,10 +96,10 @@ impl Export {
     }
 }
 
-/// What tells one exported model from another: a digest of the model and its step, hex.
-pub fn token(valve_text: &str, step_s: f64) -> String {
+/// What tells one exported model from another: a digest of the model, its part and its step, hex.
+pub fn token(valve_text: &str, part: Part, step_s: f64) -> String {
     use sha2::{Digest, Sha256};
-    let digest = Sha256::new().chain_update(valve_text).chain_update(step_s.to_le_bytes()).finalize();
+    let digest = Sha256::new().chain_update(valve_text).chain_update(part.name()).chain_update(step_s.to_le_bytes()).finalize();
     digest.iter().map(|b| format!("{b:02x}")).collect()
 }
 

@@ -3,14 +3,19 @@
 //! One list serves the description that is written into the FMU and the library inside it, so that a value reference
 //! means the same in both.
 
+use super::part::Part;
 use crate::physics::{PhysicsError, resolve};
 use crate::units::{CURRENT, PRESSURE, PRESSURE_SQUARED, TIME};
 use crate::valve::{Hysteresis, Valve};
 
 /// Value reference of the command [A].
 pub const CURRENT_IN: u32 = 1;
+/// Value reference of the pressure that comes from the model ahead [bar].
+pub const PRESSURE_IN: u32 = 2;
 /// Value reference of the pressure [bar].
 pub const PRESSURE_OUT: u32 = 10;
+/// Value reference of the current for the model behind [A].
+pub const CURRENT_OUT: u32 = 12;
 /// Value reference of the time that the model has reached [s].
 pub const MODEL_TIME_OUT: u32 = 11;
 /// Value reference of the seed of noise and other chance; 0 for none.
@@ -34,8 +39,12 @@ pub enum Causality {
 pub enum Meaning {
     /// The command.
     Current,
+    /// The pressure of the model ahead.
+    PressureIn,
     /// The pressure.
     Pressure,
+    /// The current for the model behind.
+    CurrentOut,
     /// The time that the model has reached.
     ModelTime,
     /// Dead time.
@@ -71,25 +80,32 @@ pub struct Variable {
     pub meaning: Meaning,
 }
 
-/// The variables of a valve, in the order of their value references.
+/// The variables of a valve, or of effects about another model, in the order of their value references.
 ///
 /// # Errors
 /// [`PhysicsError`] where the valve names an effect that does not exist, or a value out of range.
-pub fn variables(valve: &Valve) -> Result<Vec<Variable>, PhysicsError> {
-    let mut all = vec![
-        Variable {
-            reference: CURRENT_IN,
-            name: "current".into(),
-            description: "command, held from step to step".into(),
-            unit: CURRENT.symbol,
-            causality: Causality::Input,
-            start: Some(valve.current_limits_a.0.max(valve.curves.range_a.0)),
-            range: None,
-            meaning: Meaning::Current,
-        },
-        output(PRESSURE_OUT, "pressure", "pressure at the sensor", PRESSURE.symbol, Meaning::Pressure),
-        output(MODEL_TIME_OUT, "model_time", "time that the model has reached", TIME.symbol, Meaning::ModelTime),
-    ];
+pub fn variables(valve: &Valve, part: Part) -> Result<Vec<Variable>, PhysicsError> {
+    let input = |reference, name: &str, description: &str, unit, start, meaning| Variable {
+        reference,
+        name: name.into(),
+        description: description.into(),
+        unit,
+        causality: Causality::Input,
+        start: Some(start),
+        range: None,
+        meaning,
+    };
+    let rest_a = valve.current_limits_a.0.max(valve.curves.range_a.0);
+    let mut all = vec![input(CURRENT_IN, "current", "command, held from step to step", CURRENT.symbol, rest_a, Meaning::Current)];
+    if part == Part::Behind {
+        let text = "pressure of the model ahead, held from step to step";
+        all.push(input(PRESSURE_IN, "pressure_in", text, PRESSURE.symbol, 0.0, Meaning::PressureIn));
+    }
+    all.push(match part {
+        Part::Ahead => output(CURRENT_OUT, "current_out", "current for the model behind", CURRENT.symbol, Meaning::CurrentOut),
+        Part::Whole | Part::Behind => output(PRESSURE_OUT, "pressure", "pressure at the sensor", PRESSURE.symbol, Meaning::Pressure),
+    });
+    all.push(output(MODEL_TIME_OUT, "model_time", "time that the model has reached", TIME.symbol, Meaning::ModelTime));
     let mut next = FIRST_PARAMETER;
     let mut parameter = |name: String, description: &str, unit, start, range, meaning| {
         let causality = Causality::Parameter;
@@ -97,13 +113,15 @@ pub fn variables(valve: &Valve) -> Result<Vec<Variable>, PhysicsError> {
         next += 1;
     };
     let positive = Some((0.0, f64::INFINITY));
-    parameter("delay".into(), "dead time between command and pressure", TIME.symbol, valve.delay_s, positive, Meaning::Delay);
-    parameter("lag".into(), "time constant of the chamber", TIME.symbol, valve.lag_s, positive, Meaning::Lag);
-    if let Hysteresis::Hyperbolic { a_bar2 } = valve.hysteresis {
-        parameter("hysteresis.a".into(), "parameter of the hyperbola", PRESSURE_SQUARED.symbol, a_bar2, positive, Meaning::HysteresisA);
+    if part == Part::Whole {
+        parameter("delay".into(), "dead time between command and pressure", TIME.symbol, valve.delay_s, positive, Meaning::Delay);
+        parameter("lag".into(), "time constant of the chamber", TIME.symbol, valve.lag_s, positive, Meaning::Lag);
+        if let Hysteresis::Hyperbolic { a_bar2 } = valve.hysteresis {
+            parameter("hysteresis.a".into(), "parameter of the hyperbola", PRESSURE_SQUARED.symbol, a_bar2, positive, Meaning::HysteresisA);
+        }
+        let noise = "standard deviation of the sensor noise; acts only with a seed";
+        parameter("noise".into(), noise, PRESSURE.symbol, valve.noise_bar, positive, Meaning::Noise);
     }
-    let noise = "standard deviation of the sensor noise; acts only with a seed";
-    parameter("noise".into(), noise, PRESSURE.symbol, valve.noise_bar, positive, Meaning::Noise);
     for (number, spec) in valve.effects.iter().enumerate() {
         let (effect, theta) = resolve(spec)?;
         let before = valve.effects[..number].iter().filter(|e| e.id == spec.id).count();
@@ -149,7 +167,9 @@ pub fn set(valve: &mut Valve, variable: &Variable, value: f64) -> Result<(), Str
                 None => spec.parameters.push((parameter.name.into(), text)),
             }
         }
-        Meaning::Current | Meaning::Pressure | Meaning::ModelTime => return Err(format!("{} is no parameter", variable.name)),
+        Meaning::Current | Meaning::PressureIn | Meaning::CurrentOut | Meaning::Pressure | Meaning::ModelTime => {
+            return Err(format!("{} is no parameter", variable.name));
+        }
     }
     Ok(())
 }
@@ -169,10 +189,10 @@ mod tests {
     #[test]
     fn every_parameter_can_be_set_and_is_read_back() {
         let mut valve = valve();
-        for variable in variables(&valve).unwrap().iter().filter(|v| v.causality == Causality::Parameter) {
+        for variable in variables(&valve, Part::Whole).unwrap().iter().filter(|v| v.causality == Causality::Parameter) {
             let value = 0.5 * variable.start.unwrap() + 0.011;
             set(&mut valve, variable, value).unwrap();
-            let again = variables(&valve).unwrap();
+            let again = variables(&valve, Part::Whole).unwrap();
             let read = again.iter().find(|v| v.reference == variable.reference).unwrap();
             assert!((read.start.unwrap() - value).abs() < 1e-12, "{}", variable.name);
         }
@@ -182,7 +202,7 @@ mod tests {
     fn a_value_that_physics_does_not_allow_is_refused_and_changes_nothing() {
         let mut valve = valve();
         let before = valve.clone();
-        let all = variables(&valve).unwrap();
+        let all = variables(&valve, Part::Whole).unwrap();
         let tau = all.iter().find(|v| v.name == "first_order_lag.tau").unwrap();
         for wrong in [f64::NAN, f64::INFINITY, -1.0] {
             assert!(set(&mut valve, tau, wrong).is_err());
@@ -193,7 +213,7 @@ mod tests {
 
     #[test]
     fn references_and_names_are_unique() {
-        let all = variables(&valve()).unwrap();
+        let all = variables(&valve(), Part::Whole).unwrap();
         let references: std::collections::BTreeSet<u32> = all.iter().map(|v| v.reference).collect();
         let names: std::collections::BTreeSet<&str> = all.iter().map(|v| v.name.as_str()).collect();
         assert_eq!((references.len(), names.len()), (all.len(), all.len()));

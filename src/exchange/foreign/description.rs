@@ -39,6 +39,8 @@ pub struct Description {
     pub identifier: String,
     /// `guid` or `instantiationToken`.
     pub token: String,
+    /// The step that the model names [s].
+    pub step_s: Option<f64>,
     inputs: Vec<Variable>,
     outputs: Vec<Variable>,
     units: BTreeMap<String, Unit>,
@@ -126,7 +128,11 @@ impl Description {
                     all.name = attribute("modelName").unwrap_or_default();
                     all.token = attribute("guid").or(attribute("instantiationToken")).unwrap_or_default();
                 }
-                ("CoSimulation", _) => all.identifier = attribute("modelIdentifier").unwrap_or_default(),
+                ("CoSimulation", _) => {
+                    all.identifier = attribute("modelIdentifier").unwrap_or_default();
+                    all.step_s = step(attribute("fixedInternalStepSize")).or(all.step_s);
+                }
+                ("DefaultExperiment", _) => all.step_s = all.step_s.or(step(attribute("stepSize"))),
                 ("Unit", _) => unit = attribute("name"),
                 ("BaseUnit", _) => {
                     if let Some(name) = &unit {
@@ -232,6 +238,10 @@ impl Description {
         let (_, _, si) = KNOWN.iter().find(|(name, what, _)| *name == variable.unit && *what == wanted.what)?;
         Some(Some((si * wanted.ours_per_si, 0.0)))
     }
+}
+
+fn step(text: Option<String>) -> Option<f64> {
+    text?.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0)
 }
 
 fn value(element: &BytesStart<'_>, key: &str) -> Option<String> {

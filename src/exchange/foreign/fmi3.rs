@@ -88,9 +88,6 @@ pub fn run(job: &Job) -> Result<Vec<f64>, String> {
         };
         let (factor, offset) = job.ports.current.to_ours;
         let command = |current_a: f64| put(job.ports.current.reference, (current_a - offset) / factor);
-        for (reference, value) in &job.set {
-            put(*reference, *value)?;
-        }
         command(job.current_a.first().copied().unwrap_or(0.0))?;
         done(enter(model, false, 0.0, 0.0, false, 0.0), "fmi3EnterInitializationMode")?;
         done(exit(model), "fmi3ExitInitializationMode")?;

@@ -12,7 +12,7 @@ mod trust;
 
 pub use archive::ForeignFmu;
 pub use description::{Description, Port, Ports};
-pub use process::{Job, TIME_LIMIT, serve};
+pub use process::{Job, TIME_LIMIT, Unpacked, serve};
 pub use trust::Trust;
 
 /// What can be wrong with a foreign model.

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Default)]
 pub struct Trust {
     file: Option<PathBuf>,
+    now: Vec<String>,
 }
 
 impl Trust {
@@ -14,16 +15,26 @@ impl Trust {
     pub fn of_user() -> Self {
         let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from).filter(|p| p.is_absolute());
         let home = || std::env::var_os("HOME").map(|h| PathBuf::from(h).join(".local/state"));
-        Self { file: state.or_else(home).map(|folder| folder.join("hil/trusted-fmu")) }
+        Self { file: state.or_else(home).map(|folder| folder.join("hil/trusted-fmu")), now: Vec::new() }
     }
 
     /// A list in this file.
     pub fn at(file: PathBuf) -> Self {
-        Self { file: Some(file) }
+        Self { file: Some(file), now: Vec::new() }
+    }
+
+    /// The same list, with a digest that is trusted for this call.
+    pub fn and_now(mut self, sha256: &str) -> Self {
+        self.now.push(sha256.into());
+        self
     }
 
     /// Whether this digest is on the list.
     pub fn holds(&self, sha256: &str) -> bool {
+        self.now.iter().any(|now| now == sha256) || self.remembers(sha256)
+    }
+
+    fn remembers(&self, sha256: &str) -> bool {
         let text = self.file.as_ref().and_then(|f| std::fs::read_to_string(f).ok()).unwrap_or_default();
         text.lines().any(|line| line.split_whitespace().next() == Some(sha256))
     }
@@ -34,7 +45,7 @@ impl Trust {
     /// Where it cannot be remembered; the present run is allowed all the same.
     pub fn add(&self, sha256: &str, file_name: &str) -> std::io::Result<()> {
         let Some(file) = &self.file else { return Ok(()) };
-        if self.holds(sha256) {
+        if self.remembers(sha256) {
             return Ok(());
         }
         if let Some(folder) = file.parent() {

@@ -57,7 +57,7 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
         h2 { "How well each model does on data it has not seen" }
         (tables::errors(d))
         h2 { "What to do next" }
-        (tables::next(d))
+        (tables::next(d, found.recalibration.is_some()))
         @if let Some(next) = &d.next_experiment { (drawings::experiment(next)) }
         @if !d.notes.is_empty() { h2 { "Noticed about recording and model" } .card { ul { @for note in &d.notes { li { (note) } } } } }
         footer {

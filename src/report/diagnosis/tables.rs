@@ -208,8 +208,8 @@ pub fn errors(d: &Diagnosis) -> Markup {
     }
 }
 
-/// What to check on the bench, and which experiment would decide.
-pub fn next(d: &Diagnosis) -> Markup {
+/// What to check on the bench, and which experiment would decide; `is_foreign`: of a model that is not ours.
+pub fn next(d: &Diagnosis, is_foreign: bool) -> Markup {
     html! {
         .card {
             @for f in &d.effects {
@@ -225,6 +225,7 @@ pub fn next(d: &Diagnosis) -> Markup {
             }
             @match d.verdict {
                 Verdict::Match => p { "Nothing. The model may be used as it is." },
+                Verdict::Explained if is_foreign => p { "Put what was found about the model (" code { "-o FILE" } ", then " code { "hil export" } "), or mend the model, or the valve, and record again." },
                 Verdict::Explained => p { "Use the augmented model (" code { "-o FILE" } ") for simulation, margins and tuning, or mend the valve and record again." },
                 Verdict::NotComparable => p { "Mend what the answer names and diagnose again." },
                 Verdict::PartlyExplained | Verdict::Unexplained => p { "Look at the stretches with the largest error above; record the same drive again: what comes back is in the valve, what does not is in the day or the bench." },
