@@ -98,7 +98,9 @@ def write(folder):
         [Signal(current, time, name="current_a", unit="A")],
         [Signal(2 * fine, fine, name="pressure_bar", unit="bar"), Signal(fine.astype("<u1"), fine, name="other")],
     ]
-    save(folder, "rasters", rasters, time, current, 2 * time)
+    spread = np.full(10 * ROWS, np.nan)
+    spread[::10] = current
+    save(folder, "rasters", rasters, fine, spread, 2 * fine)
 
 
 def check(path, expected):

@@ -148,6 +148,7 @@ impl Columns {
         if [&self, &other].iter().any(|c| c.time_s.windows(2).any(|w| !(w[1] > w[0]))) {
             return None;
         }
+        const SAME_S: f64 = 1e-6;
         let (mut time_s, mut places) = (Vec::with_capacity(self.time_s.len() + other.time_s.len()), [Vec::new(), Vec::new()]);
         let (mut a, mut b) = (self.time_s.iter().peekable(), other.time_s.iter().peekable());
         loop {
@@ -157,7 +158,8 @@ impl Columns {
                 (None, None) => break,
             };
             for (column, place) in [&mut a, &mut b].into_iter().zip(&mut places) {
-                if column.next_if(|t| **t == now).is_some() {
+                // Two clocks that count in different steps meet but for their last digits.
+                if column.next_if(|t| **t - now <= SAME_S).is_some() {
                     place.push(time_s.len());
                 }
             }
@@ -501,6 +503,22 @@ pub(super) mod tests {
         file[28] = 74;
         file[29] = 1;
         insta::assert_snapshot!(message(file, &[]), @"r.mf4: MDF version 3.30; only MDF 4 is read: convert it, for instance with asammdf");
+    }
+
+    #[test]
+    fn readings_of_another_group_keep_their_own_times() {
+        let role = |channel| Role::Channel(channel);
+        let command = Columns { time_s: vec![0.0, 0.01, 0.02], values: vec![(role(Known::Current), vec![0.1, 0.2, 0.3])] };
+        let of = |time_s: &[f64]| Columns { time_s: time_s.to_vec(), values: vec![(role(Known::Pressure), vec![1.0, 2.0, 3.0])] };
+        let both =
+            Columns { time_s: command.time_s.clone(), values: command.values.clone() }.beside(of(&[0.0, 0.010_000_000_1, 0.013])).unwrap();
+        assert_eq!(both.time_s, [0.0, 0.01, 0.013, 0.02]);
+        let texts = |k: usize| both.values[k].1.iter().map(f64::to_string).collect::<Vec<_>>();
+        assert_eq!(
+            (texts(0), texts(1)),
+            (["0.1", "0.2", "NaN", "0.3"].map(String::from).to_vec(), ["1", "2", "3", "NaN"].map(String::from).to_vec())
+        );
+        assert!(command.beside(of(&[0.0, 0.02, 0.01])).is_none());
     }
 
     #[test]
