@@ -21,12 +21,18 @@ mod criteria;
 #[path = "../src/diagnose/descent.rs"]
 #[allow(dead_code)]
 mod descent;
+#[path = "../src/diagnose/error.rs"]
+#[allow(dead_code)]
+mod error;
 #[path = "../src/diagnose/evidence.rs"]
 #[allow(dead_code)]
 mod evidence;
 #[path = "../src/diagnose/fit.rs"]
 #[allow(dead_code)]
 mod fit;
+#[path = "../src/diagnose/foreign.rs"]
+#[allow(dead_code, unused_imports)]
+mod foreign;
 #[path = "../src/diagnose/loss.rs"]
 #[allow(dead_code, unused_imports)]
 mod loss;

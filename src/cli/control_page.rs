@@ -252,7 +252,13 @@ fn tracked(
     let begin = trace.phase.iter().position(|p| *p >= first).unwrap_or(0);
     let end = trace.phase.iter().rposition(|p| *p <= last).map_or(0, |k| k + 1);
     let signals = Signals { time_s: &trace.time_s, target_bar: &trace.target_bar, pressure_bar: &rig.truth_bar, ..Signals::default() };
-    let segment = Segment { signals, range: begin..end, repetitions: vec![begin..end], delay_s: model.delay_s, lag_s: model.lag_s };
+    let segment = Segment {
+        signals,
+        range: begin..end,
+        repetitions: std::iter::once(begin..end).collect(),
+        delay_s: model.delay_s,
+        lag_s: model.lag_s,
+    };
     Rmse::default().compute(&segment).map_err(CliError::input)
 }
 

@@ -67,7 +67,7 @@ impl TextbookRule {
             return None;
         }
         for _ in 0..30 {
-            let middle = (bold * cautious as f64).sqrt();
+            let middle = (bold * cautious).sqrt();
             if at(middle) { cautious = middle } else { bold = middle }
         }
         Some(self.gains(task, cautious))

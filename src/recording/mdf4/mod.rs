@@ -145,7 +145,7 @@ impl Columns {
             let values = self.values.into_iter().chain(other.values).collect();
             return Some(Self { time_s: self.time_s, values });
         }
-        if [&self, &other].iter().any(|c| c.time_s.windows(2).any(|w| !(w[1] > w[0]))) {
+        if [&self, &other].iter().any(|c| c.time_s.windows(2).any(|w| w[1].partial_cmp(&w[0]) != Some(std::cmp::Ordering::Greater))) {
             return None;
         }
         const SAME_S: f64 = 1e-6;
