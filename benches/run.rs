@@ -55,7 +55,8 @@ fn stability(c: &mut Criterion) {
     let (_, valve) = shipped("plans/tipin.toml");
     let found = linear_loop(&valve);
     c.bench_function("margins", |b| b.iter(|| margins(black_box(&found.plant), found.delay_range_s, Gains::PAPER, 100.0)));
-    let task = TuningTask { plant: found.plant, delay_range_s: found.delay_range_s, max_sensitivity: 1.4, noise_share: 0.0, rate_hz: 100.0 };
+    let task =
+        TuningTask { plant: found.plant, delay_range_s: found.delay_range_s, max_sensitivity: 1.4, noise_share: 0.0, rate_hz: 100.0 };
     c.bench_function("tune", |b| b.iter(|| tune(black_box(&task))));
 }
 
