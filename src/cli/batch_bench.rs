@@ -12,7 +12,7 @@ use super::batch_emulated::Emulated;
 use super::batch_folder::attempt_folder;
 use super::on_wire::{self, WireArgs};
 use super::run::{believed, sha256};
-use super::seat::{Company, InTurn, Seat};
+use super::seat::{Company, Seat};
 use super::{CliError, exit, files, run_folder};
 use crate::batch::BatchError;
 use crate::batch::campaign::{Job, Retry, Worker};
@@ -21,13 +21,16 @@ use crate::batch::station::Station;
 use crate::output::make_folder_within;
 use crate::plan::Plan;
 use crate::record::{Dut, Outcome, PhaseRecord, PlanIdentity, Provenance, TestRecord, Timing, Trace};
+use crate::rig::RigIdentity;
 use crate::rig::paced::Paced;
 use crate::rig::profile::{Profile, TransportKind};
 use crate::rig::simulated::SimulatedRig;
-use crate::rig::{Rig, RigIdentity};
-use crate::runner::{self, Prepared, RunOptions};
+use crate::runner::{self, Attended, Prepared, RunOptions, glances};
 use crate::units::Current;
 use crate::valve::Valve;
+
+/// How often somebody looks at a simulation that goes by the clock.
+const LOOK: std::time::Duration = std::time::Duration::from_millis(20);
 
 /// Where and on what is tested.
 #[derive(Debug, Clone, Args)]
@@ -168,14 +171,20 @@ impl Setup {
         // A simulated valve takes milliseconds: it ends, and the campaign stops after it. One that goes by the clock can be stopped.
         let stop = seat.paced.then(|| control.stop_flag());
         let options = RunOptions { model: &self.model, dut, seed, stop, prepared: Some(&self.prepared) };
-        let mut paced;
-        let rig: &mut dyn Rig = if seat.paced {
-            paced = Paced::new(&mut rig);
-            &mut paced
+        let mut observer = Attended { observer: seat.feed.take().unwrap_or_else(|| glances(1).0), attendant: seat.attendant.take() };
+        let (mut record, trace) = if seat.paced {
+            // As on a bench: the run has a thread of its own, and whoever looks has another.
+            std::thread::scope(|scope| {
+                let run = scope.spawn(|| runner::run(&self.plan, &mut Paced::new(&mut rig), &options, &mut observer));
+                while !run.is_finished() {
+                    (seat.look)();
+                    std::thread::sleep(LOOK);
+                }
+                run.join().map_err(|_| BatchError::Rig("the simulation ended by a bug; its message stands in the terminal".into()))
+            })?
         } else {
-            &mut rig
+            runner::run(&self.plan, &mut rig, &options, &mut observer)
         };
-        let (mut record, trace) = runner::run(&self.plan, rig, &options, &mut InTurn(&mut seat));
         (seat.look)();
         if let Some(who) = control.stop_requested() {
             on_wire::name_the_operator(&mut record, who);

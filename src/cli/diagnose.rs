@@ -13,7 +13,7 @@ use super::progress::Working;
 use super::reading::ReadArgs;
 use super::run::checked_valve;
 use super::{CliError, CliResult, exit};
-use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story};
+use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story, tell_of_candidates};
 use crate::exchange::{Attached, BaseFile};
 use crate::output::{Mark, Outputs};
 use crate::physics::EFFECTS;
@@ -64,6 +64,9 @@ pub struct DiagnoseArgs {
     /// Format of what is printed
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
+    /// Show every candidate when its fit has ended: one JSON object a line on stderr.
+    #[arg(long)]
+    watch: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -102,7 +105,10 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     }
     let good = references(args, (&model, &valve))?;
     let recording = Recording::together(args.recordings.iter().map(|path| args.reading.read(path)).collect::<Result<_, _>>()?);
-    let working = Working::on("diagnosing");
+    if args.watch {
+        tell_of_candidates(|tried| super::note(&serde_json::to_string(tried).unwrap_or_default()));
+    }
+    let working = (!args.watch).then(|| Working::on("diagnosing"));
     let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
     drop(working);
     name_apart(&mut diagnosed.augmented, &valve);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::answers::Answers;
 use crate::batch::campaign::Job;
 use crate::rig::loop_thread::LoopControl;
-use crate::runner::{Attendant, Feed, Observer, Progress};
+use crate::runner::{Attendant, Feed};
 
 /// What joins one attempt with those who watch it.
 pub struct Seat<'a> {
@@ -57,27 +57,5 @@ pub struct Alone(pub Answers);
 impl Company for Alone {
     fn seat(&self, _site: usize, _job: &Job) -> Seat<'_> {
         Seat { attendant: self.0.attendant(), ..Seat::empty() }
-    }
-}
-
-/// The samples of a simulation, which has no thread of its own to spare: fed and looked at in turn.
-pub struct InTurn<'s, 'a>(pub &'s mut Seat<'a>);
-
-impl Observer for InTurn<'_, '_> {
-    fn phase(&mut self, index: usize, phase: &crate::plan::Phase) {
-        if let Some(feed) = &mut self.0.feed {
-            feed.phase(index, phase);
-        }
-    }
-
-    fn sample(&mut self, progress: &Progress<'_>) {
-        if let Some(feed) = &mut self.0.feed {
-            feed.sample(progress);
-            (self.0.look)();
-        }
-    }
-
-    fn attendant(&self) -> Option<&dyn Attendant> {
-        self.0.attendant.as_deref()
     }
 }

@@ -34,6 +34,7 @@ mod simulated;
 mod start;
 mod stimuli;
 mod story;
+mod watch;
 mod words;
 
 pub use diagnosis::{
@@ -46,6 +47,7 @@ pub use mistake::Mistake;
 pub use signature::{Axis, Signature};
 pub use simulated::Simulated;
 pub use story::{Cell, RunStory, Slice, Story, Strip, story};
+pub use watch::{Tried, tell_of_candidates};
 pub use words::{figure, paragraph, title, uncertainty};
 
 use conclude::Findings;

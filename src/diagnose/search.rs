@@ -6,6 +6,7 @@ use super::fit::{Fit, Fitter};
 use super::heldout::held_out;
 use super::loss;
 use super::model::{BASE, Model, Simulator};
+use super::watch;
 use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 
 /// Most effects that are claimed at once.
@@ -224,7 +225,9 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         .into_par_iter()
         .map(|(effect, fits)| {
             let hopeless = fitter.gain(incumbent, &fits[0]) < needed;
-            Ranked { effect, fit: fitter.finish(fits, hopeless) }
+            let fit = fitter.finish(fits, hopeless);
+            watch::tried(effect, &incumbent.model.effects, incumbent.rmse_bar, fit.rmse_bar);
+            Ranked { effect, fit }
         })
         .collect()
 }

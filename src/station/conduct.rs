@@ -47,6 +47,27 @@ pub struct Given {
     pub answer: String,
 }
 
+/// What is to be diagnosed, with the name of a model that the station offers.
+#[derive(Debug, Clone, Copy)]
+pub enum Diagnose<'a> {
+    /// A recording that was dropped on the page.
+    Bytes {
+        /// Its name there; never a path here.
+        name: &'a str,
+        /// The file.
+        bytes: &'a [u8],
+        /// The model.
+        model: &'a str,
+    },
+    /// The trace of a record.
+    Record {
+        /// Id of the record.
+        id: &'a str,
+        /// The model.
+        model: &'a str,
+    },
+}
+
 /// Why something is not done, in words for the person at the page.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
@@ -80,6 +101,10 @@ pub trait Conduct: Send + Sync {
     fn records(&self, serial: Option<&str>) -> Result<Value, Refused>;
     /// The page of a record.
     fn record_page(&self, id: &str) -> Result<String, Refused>;
+    /// Begins a diagnosis; its number.
+    fn diagnose(&self, what: &Diagnose<'_>) -> Result<u64, Refused>;
+    /// The page of a diagnosis.
+    fn diagnosis_page(&self, number: u64) -> Result<String, Refused>;
     /// The page of the open batch, as it stands.
     fn batch_page(&self) -> Result<String, Refused>;
     /// Yield, failures and control charts of the open batch.

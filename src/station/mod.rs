@@ -18,7 +18,7 @@ pub use access::{Access, Role, Token};
 pub use board::{
     BatchCard, Board, Light, LogLine, PhaseCard, ProductCard, PromptCard, RunCard, SafeCard, SiteCard, StationCard, VerdictCard,
 };
-pub use conduct::{Accepted, Conduct, Entry, Given, Refused};
+pub use conduct::{Accepted, Conduct, Diagnose, Entry, Given, Refused};
 pub use hub::Hub;
 pub use serve::{Server, listen, serve};
 

@@ -33,6 +33,7 @@ pub(super) const FILES: &[File] = &[
     file!("/page/operate.js", JS, "operate.js"),
     file!("/page/engineer.js", JS, "engineer.js"),
     file!("/page/history.js", JS, "history.js"),
+    file!("/page/diagnosis.js", JS, "diagnosis.js"),
     file!("/page/uPlot.js", JS, "vendor/uPlot.iife.min.js"),
     file!("/page/uPlot.css", CSS, "vendor/uPlot.min.css"),
 ];

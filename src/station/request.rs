@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use super::conduct::{Conduct, Entry, Given, Refused};
+use super::conduct::{Conduct, Diagnose, Entry, Given, Refused};
 use super::headers;
 use super::serve::App;
 
@@ -169,6 +169,34 @@ pub(super) async fn record(State(app): State<Arc<App>>, Path(id): Path<String>) 
 
 pub(super) async fn batch(State(app): State<Arc<App>>) -> Response {
     report(app, |conduct| conduct.batch_page()).await
+}
+
+#[derive(Deserialize)]
+pub(super) struct Dropped {
+    name: String,
+    model: String,
+}
+
+pub(super) async fn diagnose_file(State(app): State<Arc<App>>, Query(of): Query<Dropped>, body: Bytes) -> Response {
+    let begin = move |conduct: &dyn Conduct| conduct.diagnose(&Diagnose::Bytes { name: &of.name, bytes: &body, model: &of.model });
+    match work(app, begin).await {
+        Ok(result) => done(result),
+        Err(response) => *response,
+    }
+}
+
+#[derive(Deserialize)]
+struct OfRecord {
+    record: String,
+    model: String,
+}
+
+pub(super) async fn diagnose_record(State(app): State<Arc<App>>, body: Bytes) -> Response {
+    act(app, body, |conduct, of: OfRecord| conduct.diagnose(&Diagnose::Record { id: &of.record, model: &of.model })).await
+}
+
+pub(super) async fn diagnosis(State(app): State<Arc<App>>, Path(number): Path<u64>) -> Response {
+    report(app, move |conduct| conduct.diagnosis_page(number)).await
 }
 
 /// A report, as a page that can ask this station for nothing.

@@ -22,6 +22,9 @@ use super::{StationError, events, headers, request};
 /// Largest request that is read [bytes]; an entry has some hundred.
 const LARGEST: usize = 16 << 10;
 
+/// Largest recording that is taken [bytes].
+const LARGEST_RECORDING: usize = 64 << 20;
+
 /// What every request sees.
 pub(super) struct App {
     pub hub: Arc<Hub>,
@@ -101,6 +104,9 @@ fn router(app: Arc<App>) -> Router {
         .route("/picture/{site}", get(request::picture))
         .route("/api/acknowledge", post(request::acknowledge))
         .route("/api/close", post(request::close))
+        .route("/api/diagnose", post(request::diagnose_file).layer(DefaultBodyLimit::max(LARGEST_RECORDING)))
+        .route("/api/diagnose-record", post(request::diagnose_record))
+        .route("/diagnosis/{number}", get(request::diagnosis))
         .route("/leave", post(request::leave))
         .route("/record/{id}", get(request::record))
         .route("/batch", get(request::batch))

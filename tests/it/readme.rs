@@ -75,6 +75,18 @@ fn every_command_of_the_readme_does_what_it_says() {
             }
             continue;
         }
+        if words[1] == "station" {
+            // It serves until it is told to end. Its usual port may be another's on this machine.
+            let mut child = command.args(["--listen", "127.0.0.1:0"]).stdout(Stdio::piped()).spawn().unwrap();
+            let mut address = String::new();
+            std::io::BufRead::read_line(&mut std::io::BufReader::new(child.stdout.take().unwrap()), &mut address).unwrap();
+            let _ = Command::new("kill").arg(child.id().to_string()).status();
+            let code = child.wait().unwrap().code();
+            if !address.contains("http://127.0.0.1:") || code != Some(0) {
+                wrong.push(format!("{line}: {code:?}\n{address}"));
+            }
+            continue;
+        }
         let output = command.output().unwrap();
         // `diff` finds what was changed on purpose; a valve with a fault may fail its test, a machine at work may miss
         // deadlines, which the tests of the wire hold.

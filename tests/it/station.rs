@@ -199,7 +199,7 @@ fn a_stranger_can_neither_see_nor_act() {
         let answer = operator.ask("GET", &format!("/record/{id}"), &[], "");
         assert_eq!(answer.status, 404, "{id}: {}", answer.body);
     }
-    for serial in ["../../x", "a b", "", "é", &"9".repeat(65)] {
+    for serial in ["a<b", "a b", "", "é", &"9".repeat(65)] {
         assert_eq!(operator.start(serial).status, 409, "{serial}");
     }
     assert_eq!(operator.post("/api/start", json!({ "site": 7, "product": "p", "serial": "A1", "operator": "x" })).status, 409);

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::super::batch::{hex, now};
 use super::super::{CliError, batch_folder, batch_open, last_word};
 use super::StationArgs;
+use super::diagnosing::Diagnosing;
 use super::product::Ready;
 use super::seats::{BY_OPERATOR, Seats, lock, origin};
 use super::session::{Session, today};
@@ -17,7 +18,8 @@ use crate::output::make_folder;
 use crate::record::Outcome;
 use crate::report;
 use crate::shipped;
-use crate::station::{Accepted, BatchCard, Board, Conduct, Entry, Given, Hub, Light, Refused, SiteCard, StationCard};
+use crate::station::{Accepted, BatchCard, Board, Conduct, Diagnose, Entry, Given, Hub, Light, Refused, SiteCard, StationCard};
+use crate::valve::Valve;
 
 /// The floor.
 pub struct Floor {
@@ -28,6 +30,9 @@ pub struct Floor {
     seats: Arc<Seats>,
     shelf: Shelf,
     session: Mutex<Option<Session>>,
+    diagnosing: Diagnosing,
+    /// Each model that is offered, with its path.
+    models: Vec<(String, String)>,
 }
 
 impl Floor {
@@ -58,9 +63,26 @@ impl Floor {
             sites: station.sites.iter().map(|s| SiteCard { name: s.name.clone(), ..SiteCard::default() }).collect(),
             ..Board::default()
         };
+        let beside = path.parent().filter(|_| !shipped::is_shipped(&path));
+        let model = |name: &String| match Valve::find_beside(name, beside) {
+            Ok(found) => Ok((name.clone(), found.display().to_string())),
+            Err(e) => Err(CliError::input(format!("{}: models: {e}", path.display()))),
+        };
+        let models = station.models.iter().map(model).collect::<Result<Vec<_>, _>>()?;
         let hub = Arc::new(Hub::new(board));
+        let diagnosing = Diagnosing::new(Arc::clone(&hub));
         let seats = Arc::new(Seats::new(Arc::clone(&hub), station.sites.len()));
-        Ok(Arc::new(Self { shelf: Shelf::new(&store), station, store, products, hub, seats, session: Mutex::new(None) }))
+        Ok(Arc::new(Self {
+            shelf: Shelf::new(&store),
+            station,
+            store,
+            products,
+            hub,
+            seats,
+            session: Mutex::new(None),
+            diagnosing,
+            models,
+        }))
     }
 
     /// Id of the station.
@@ -240,6 +262,25 @@ impl Conduct for Floor {
 
     fn record_page(&self, id: &str) -> Result<String, Refused> {
         self.shelf.page(id)
+    }
+
+    fn diagnose(&self, what: &Diagnose<'_>) -> Result<u64, Refused> {
+        let named = |name: &str| self.models.iter().find(|m| m.0 == name).map(|m| m.1.as_str());
+        match what {
+            Diagnose::Bytes { name, bytes, model } => {
+                let model = named(model).ok_or_else(|| Refused::because("this station offers no such model"))?;
+                self.diagnosing.of_bytes(name, bytes, model)
+            }
+            Diagnose::Record { id, model } => {
+                let model = named(model).ok_or_else(|| Refused::because("this station offers no such model"))?;
+                let folder = self.shelf.folder(id)?;
+                self.diagnosing.of_record(&folder, id, model)
+            }
+        }
+    }
+
+    fn diagnosis_page(&self, number: u64) -> Result<String, Refused> {
+        self.diagnosing.page(number)
     }
 
     fn batch_page(&self) -> Result<String, Refused> {

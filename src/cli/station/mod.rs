@@ -1,6 +1,7 @@
 //! `hil station`: the station in a browser.
 
 mod asking;
+mod diagnosing;
 mod floor;
 mod product;
 mod seats;

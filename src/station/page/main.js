@@ -6,9 +6,10 @@ import { Curves } from "./curves.js";
 import { operate } from "./operate.js";
 import { engineer } from "./engineer.js";
 import { history } from "./history.js";
+import { diagnosis } from "./diagnosis.js";
 
 const at = (id) => document.getElementById(id);
-const views = { operate, engineer, history };
+const views = { operate, engineer, history, diagnosis };
 let shown = null;
 
 say(at("language"), t("language"));

@@ -94,8 +94,12 @@ export function operate(main, curves) {
   const focus = () => { if (acts && !document.querySelector("dialog[open]")) { serial.focus({ preventScroll: true }); serial.select(); } };
   function keyed(event) {
     if (event.key === "Escape") { const site = running(); if (site !== null) { event.preventDefault(); stop(site); } return; }
-    if (event.ctrlKey || event.altKey || event.metaKey || writes(document.activeElement)) return;
-    if (event.key.length === 1 && event.key !== " ") { serial.focus(); serial.value = ""; accepted = null; }
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const at = document.activeElement, printable = event.key.length === 1 && event.key !== " ";
+    // In a list of products a scanned letter would choose one: it is the first of a serial number.
+    if (at === product && (printable || event.key === "Enter")) { event.preventDefault(); accepted = null; serial.focus(); if (printable) serial.value = event.key; return; }
+    if (writes(at)) return;
+    if (printable) { serial.focus(); serial.value = ""; accepted = null; }
   }
   // What Escape stops: the site that is chosen, else the only one that runs.
   function running() {
@@ -112,7 +116,7 @@ export function operate(main, curves) {
     window.addEventListener("focus", blurred);
     document.addEventListener("focusout", blurred);
     serial.addEventListener("input", () => { keep("serial", serial.value); accepted = null; start.classList.remove("ready"); });
-    product.addEventListener("change", () => { keep("product", product.value); accepted = null; describe(); focus(); });
+    product.addEventListener("change", () => { keep("product", product.value); accepted = null; describe(); });
     for (const [name, input] of [["operator", operator], ["lot", lot]]) input.addEventListener("change", () => { keep(name, input.value); accepted = null; });
   }
 
@@ -143,8 +147,9 @@ export function operate(main, curves) {
         if (shown === signature) return;
         signature = shown;
         fill(body, now.light === "unsafe" ? unsafe(index) : null, busy && now.prompt ? question(index, now.prompt) : null, busy && now.run ? running_of(now.run) : now.verdict ? verdict(now.verdict) : h("p", { class: "next" }, acts ? t("type_serial") : t("light_idle")));
-        if (!busy && now.verdict) focus();
-        if (busy && now.prompt && !serial.value) body.querySelector(".question input, .question button")?.focus();
+        // A question takes the keyboard, unless a serial number is being typed; afterwards the scanner has it again.
+        if (busy && now.prompt && acts) { if (!serial.value) body.querySelector(".question input, .question button")?.focus(); }
+        else if ((!busy && now.verdict) || document.activeElement === document.body) focus();
       },
       samples() {
         const now = link.board.sites[index].run, course = curves[index];
@@ -159,7 +164,7 @@ export function operate(main, curves) {
   // What the plan asks: answered here or at no other place.
   function question(site, asked) {
     const why = h("p", { class: "refused", role: "alert" });
-    const give = (answer) => post("/api/answer", { site, prompt: asked.id, answer }).then(focus, (e) => say(why, e.message));
+    const give = (answer) => post("/api/answer", { site, prompt: asked.id, answer }).catch((e) => say(why, e.message));
     const button = (text, answer, kind = "") => h("button", { type: "button", class: `answer ${kind}`, onclick: () => give(answer) }, text);
     const typed = (label) => {
       const input = h("input", { id: `answer-${site}`, autocomplete: "off", maxlength: 200, inputmode: asked.kind === "number" ? "decimal" : null });
