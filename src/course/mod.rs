@@ -236,6 +236,37 @@ impl Run {
         time_s.iter().map(|t| between(simulated, (t - self.start_s) / self.dt_s)).collect()
     }
 
+    /// The run on a grid that is `every` times as coarse: one reading of each new step, where it was taken, and the command
+    /// by its convention.
+    pub fn thinned(&self, every: usize, input: Input) -> Self {
+        let every = every.max(1);
+        let mut offsets = Vec::new();
+        let mut pressure_bar = Vec::new();
+        for step in self.pressure_bar.chunks(every) {
+            let place = step.iter().position(|p| p.is_finite()).unwrap_or(0);
+            let at = offsets.len() * every + place;
+            let behind = place as f32 + self.offset_steps.as_ref().map_or(0.0, |o| o[at]);
+            pressure_bar.push(step[place]);
+            offsets.push(behind / every as f32);
+        }
+        let first = |values: &Vec<f64>| values.iter().copied().step_by(every).collect::<Vec<f64>>();
+        let current_a = match input {
+            Input::Held => self.current_a.chunks(every).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect(),
+            Input::Ramp => first(&self.current_a),
+        };
+        Self {
+            name: self.name.clone(),
+            origin: self.origin.clone(),
+            dt_s: self.dt_s * every as f64,
+            current_a,
+            pressure_bar,
+            oil_temp_c: self.oil_temp_c.as_ref().map(first),
+            supply_bar: self.supply_bar.as_ref().map(first),
+            offset_steps: offsets.iter().any(|o| *o != 0.0).then_some(offsets),
+            ..*self
+        }
+    }
+
     /// A part of the run, as a run of its own.
     pub fn part(&self, samples: Range<usize>) -> Self {
         let cut = |values: &Option<Vec<f64>>| values.as_ref().map(|v| v[samples.clone()].to_vec());

@@ -1,8 +1,10 @@
 //! What is claimed of what was found: cause or form, lacking or changed, and how much may be left.
 
 use super::conclude::Findings;
+use super::descent::Descent;
 use super::diagnosis::{Claim, Finding};
-use super::good::Good;
+use super::fit::Fit;
+use super::model::Simulator;
 use crate::physics::{Effect, Kind, effect};
 
 impl Findings<'_, '_> {
@@ -39,11 +41,30 @@ impl Findings<'_, '_> {
         })
     }
 
-    /// Whether data of the good valve excludes an effect of these values.
-    pub fn claim(&self, effect: &'static dyn Effect, theta: &[f64]) -> Claim {
+    /// Whether data of the good valve excludes effect number `k` of the chosen model.
+    pub fn claim(&self, k: usize) -> Claim {
+        let chosen = &self.search.chosen;
+        let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
+        let Some(good) = self.good else { return Claim::Lacks };
         // A loop whose form had to be corrected by the same effect already has changed its form only on paper.
-        let had = |g: &Good| effect.imitates_form() && g.corrections.iter().any(|c| c.effect.id() == effect.id());
-        let excluded = |g: &Good| !had(g) && g.excludes(effect, theta) > self.fitter.criteria.excluded_nats;
-        if self.good.is_some_and(excluded) { Claim::Changed } else { Claim::Lacks }
+        if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
+            return Claim::Lacks;
+        }
+        let fitter = self.where_searched();
+        let nats = |fit: &Fit<'_>| fitter.objective(fit) * fitter.effective();
+        let held = |theta: &[f64]| {
+            let descent = Descent { iterations: 4, held: chosen.model.effects.len(), rough: false };
+            nats(&fitter.polish_in(&mut Simulator::new(fitter.evidence), &chosen.model, theta, descent))
+        };
+        let as_chosen = held(&chosen.theta);
+        let with = |values: &[f64]| {
+            let mut theta = chosen.theta.clone();
+            theta[chosen.model.place(k)].copy_from_slice(values);
+            held(&theta) - as_chosen
+        };
+        // A form that explains both has always been so, also where another size of it would suit the record better.
+        let on_record: Option<&dyn Fn(&[f64]) -> f64> = if effect.imitates_form() { Some(&with) } else { None };
+        let excluded = good.excludes(effect, theta, on_record) > self.fitter.criteria.excluded_nats;
+        if excluded { Claim::Changed } else { Claim::Lacks }
     }
 }

@@ -256,7 +256,9 @@ fn agreement(evidence: &Evidence, valve: &Valve, reading: Reading) -> Result<Agr
     let allowed_s = if valve_sized(valve) { SECOND_S } else { SECOND_S * slow };
     let first = -((valve.delay_s + 0.03) / dt_s).ceil() as i64 - 2;
     let last = (allowed_s / dt_s).ceil() as i64 + 1;
-    let best = |from: i64, to: i64| (from..=to).max_by(|a, b| at(*a).abs().total_cmp(&at(*b).abs())).unwrap_or(0);
+    // No farther than the recording lasts, however short its samples are as read.
+    let end = longest as i64;
+    let best = |from: i64, to: i64| (from.max(-end)..=to.min(end)).max_by(|a, b| at(*a).abs().total_cmp(&at(*b).abs())).unwrap_or(0);
     let lag = best(first, last);
     let far = best(-(longest as i64) / 2, longest as i64 / 2);
     let outside = !(first..=last).contains(&far) && at(far) > 0.0;

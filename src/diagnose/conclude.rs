@@ -35,6 +35,8 @@ pub struct Findings<'s, 'a> {
     pub good: Option<&'s Good>,
     /// The fitter, with outliers masked.
     pub fitter: &'s Fitter<'s>,
+    /// The fitter of the part of the recording that the search has looked at, where that is not all.
+    pub looking: Option<&'s Fitter<'s>>,
     /// The search over the effects of the course.
     pub search: &'s Search<'a>,
     /// What the effects of the scatter found.
@@ -80,7 +82,7 @@ impl<'a> Findings<'_, 'a> {
         // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back, and
         // what the good valve's own data have calibrated is not moved by a record in which nothing has changed.
         let moved = rms(&base_residual) > fitter.criteria.recalibrates * rms(&self.residual(&refit_bar));
-        let kept = verdict == Verdict::Match && form.is_empty() && effects.is_empty() && (self.good.is_some() || !moved);
+        let kept = verdict == Verdict::Match && effects.is_empty() && (self.good.is_some() || form.is_empty() && !moved);
         let mut augmented = if kept { self.given.valve.clone() } else { search.chosen.model.valve_file(&search.chosen.theta) };
         let augmented_bar = if kept { base_bar.clone() } else { augmented_bar };
         augmented.effects.extend(self.scattered.iter().map(|s| specification(s.effect, &s.finding.theta)));
@@ -215,7 +217,7 @@ impl<'a> Findings<'_, 'a> {
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
                 let (share, indistinguishable) = self.rivals(k, &without);
-                let claim = self.claim(effect, &chosen.theta[chosen.model.place(k)]);
+                let claim = self.claim(k);
                 let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (
@@ -243,13 +245,20 @@ impl<'a> Findings<'_, 'a> {
         let refitted = self.fitter.refit(&self.search.chosen.model.without(k), theta);
         let names = |fit: &Fit<'_>| fit.model.effects.iter().map(|e| e.id()).collect::<std::collections::BTreeSet<_>>();
         let wanted = names(&refitted);
-        let stood = self.search.rounds.iter().map(|r| &r.incumbent).filter(|fit| names(fit) == wanted);
+        let rounds = if self.looking.is_some() { &[] } else { self.search.rounds.as_slice() };
+        let stood = rounds.iter().map(|r| &r.incumbent).filter(|fit| names(fit) == wanted);
         stood.cloned().fold(refitted, |best, next| if next.bic(effective) < best.bic(effective) { next } else { best })
+    }
+
+    /// The fitter with which rivals are compared: that of the search.
+    pub fn where_searched(&self) -> &Fitter<'_> {
+        self.looking.unwrap_or(self.fitter)
     }
 
     /// The posterior share of effect number `k`, and the rest of the credible set in its place, best first.
     fn rivals(&self, k: usize, without: &Fit<'a>) -> (f64, Vec<String>) {
-        let (fitter, chosen) = (self.fitter, &self.search.chosen);
+        let fitter = self.where_searched();
+        let (chosen, without) = (&fitter.as_it_stands(&self.search.chosen), &fitter.as_it_stands(without));
         let own = chosen.model.effects[k].id();
         // Those that came close in the round in which it was found; a class mate comes close in every round.
         let near: Vec<&'static dyn Effect> = self
@@ -316,7 +325,7 @@ impl<'a> Findings<'_, 'a> {
                     let bic = c.fit.bic(first.effective) - null;
                     let rejected_because =
                         (!effects.iter().any(|f| f.id == c.effect.id())).then(|| super::words::rejected(c.effect.id(), bic, effects));
-                    let heldout_rmse_bar = (rank < 8).then(|| held_out(self.fitter, &c.fit, 2).rmse_bar());
+                    let heldout_rmse_bar = (rank < 8).then(|| held_out(self.where_searched(), &c.fit, 2).rmse_bar());
                     Candidate { id: c.effect.id().into(), heldout_rmse_bar, bic, rejected_because }
                 })
                 .collect();

@@ -2,7 +2,7 @@
 
 use super::foreign::Base;
 use crate::course::{Course, CourseError, Input, Run};
-use crate::physics::Channel;
+use crate::physics::{Channel, MOST_INNER};
 
 /// Fewest usable samples in all.
 const FEWEST_SAMPLES: usize = 200;
@@ -26,6 +26,8 @@ pub struct Evidence {
     pub noise_bar: f64,
     /// What the command does between its samples.
     pub input: Input,
+    /// Most inner steps of a sample in a simulation.
+    pub most_inner: usize,
     /// What was noticed.
     pub notes: Vec<String>,
     /// Where between its curves the valve stands at first, for each run: 0 ascending, 1 descending; the middle where it is soon
@@ -49,7 +51,20 @@ impl Evidence {
         // What nothing at all disturbs would make every trifle evidence without end.
         let start_shares = vec![MIDDLE; course.runs.len()];
         let noise_bar = course.noise.bar.max(LEAST_NOISE_BAR);
-        Ok(Self { noise_bar, grids: course.runs, input: course.input, notes: course.notes, start_shares, base: None })
+        Ok(Self {
+            noise_bar,
+            grids: course.runs,
+            input: course.input,
+            notes: course.notes,
+            start_shares,
+            most_inner: MOST_INNER,
+            base: None,
+        })
+    }
+
+    /// This evidence with other runs, each with where the valve stands at first, simulated in at most so many inner steps.
+    pub fn of_runs(&self, (grids, start_shares): (Vec<Run>, Vec<f64>), most_inner: usize) -> Self {
+        Self { grids, start_shares, most_inner, notes: Vec::new(), base: None, ..*self }
     }
 
     /// Whether this channel was recorded and moved, so that an effect that follows it can be told from a constant.

@@ -79,6 +79,17 @@ impl<'e> Fitter<'e> {
         }
     }
 
+    /// The same on a part of the evidence.
+    pub fn looking_at<'s>(&self, part: &'s Evidence) -> Fitter<'s> {
+        let Self { tau_samples, squared, floor_bar, criteria, .. } = *self;
+        Fitter { tau_samples, squared, floor_bar, criteria, found: self.found.clone(), ..Fitter::new(part) }
+    }
+
+    /// A fit of other evidence as it stands on this one.
+    pub fn as_it_stands<'a>(&self, fit: &Fit<'a>) -> Fit<'a> {
+        self.score(&mut Simulator::new(self.evidence), &fit.model, &fit.theta, &mut Vec::new())
+    }
+
     /// Number of used samples.
     pub fn used(&self) -> usize {
         self.measured.iter().filter(|p| p.is_finite()).count()

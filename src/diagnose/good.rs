@@ -6,11 +6,12 @@ use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
 use super::error::DiagnoseError;
 use super::evidence::Evidence;
-use super::fit::{Fit, Fitter};
+use super::excerpt::excerpt;
+use super::fit::Fitter;
 use super::foreign::{Base, Foreign};
 use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
-use super::search::search;
+use super::search::{recalibrated, search_in};
 use super::{comparable, start};
 use crate::course::{Course, Preparation};
 use crate::physics::Effect;
@@ -29,6 +30,8 @@ pub struct Good {
     pub corrections: Vec<Correction>,
     /// Effects of the scatter that the good valve shows as well.
     pub scatter: Vec<&'static str>,
+    /// What of it a search looks at; `None` where that is all.
+    short: Option<Evidence>,
     /// Measured pressures; NaN where masked [bar].
     measured: Vec<f64>,
     /// Samples of that data that count as one.
@@ -136,16 +139,14 @@ impl Good {
         for k in unsettled {
             fitter.measured[k] = f64::NAN;
         }
-        let mut null = fitter.recalibrate(&base, &[]);
-        if !base.confirms_lag(null.theta[super::model::BASE - 1]) {
-            base = base.distrusting_lag();
-            null = fitter.recalibrate(&base, &[]);
-        }
+        let (null, base) = recalibrated(&fitter, base);
         let masked: Vec<Scattered> = scatter(&fitter, &null, |_| true);
         for k in masked.iter().flat_map(|s| &s.finding.masked) {
             fitter.measured[*k] = f64::NAN;
         }
-        let found = search(&mut fitter, &base);
+        let short = excerpt(&fitter, &base);
+        let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
+        let found = search_in(&mut fitter, looking.as_mut(), &base);
         let chosen = found.chosen;
         let mut seen: Vec<&'static str> = masked.iter().map(|s| s.effect.id()).collect();
         seen.extend(scatter(&fitter, &chosen, |_| true).iter().map(|s| s.effect.id()));
@@ -168,12 +169,13 @@ impl Good {
         let corrected = chosen.model.valve_file(&chosen.theta);
         let rmse_bar = (as_given, chosen.rmse_bar);
         let theta = chosen.theta.clone();
-        let (measured, tau_samples) = (fitter.measured.clone(), fitter.tau_samples);
+        let tau_samples = looking.as_ref().map_or(fitter.tau_samples, |l| l.tau_samples);
+        let measured = fitter.measured.clone();
         // From here on the base is read as the good valve shows it.
         if let Some(base) = &mut evidence.base {
             base.read_as(base.recalibration(&theta));
         }
-        Ok(Self { names, valve: corrected, corrections, scatter: seen, measured, tau_samples, rmse_bar, evidence })
+        Ok(Self { names, valve: corrected, corrections, scatter: seen, short, measured, tau_samples, rmse_bar, evidence })
     }
 
     /// How far the corrected model is off where nothing is wrong, beyond the noise of the good valve's data [bar].
@@ -181,19 +183,40 @@ impl Good {
         (self.rmse_bar.1.powi(2) - self.evidence.noise_bar.powi(2)).max(0.0).sqrt()
     }
 
-    /// How much that data speaks against an effect of these values [nats]; the base may make room for it.
-    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64]) -> f64 {
+    /// That data as a search looks at it.
+    fn fitter(&self) -> Fitter<'_> {
+        match &self.short {
+            Some(short) => Fitter { tau_samples: self.tau_samples, ..Fitter::new(short) },
+            None => Fitter { measured: self.measured.clone(), tau_samples: self.tau_samples, ..Fitter::new(&self.evidence) },
+        }
+    }
+
+    /// How much that data speaks against an effect of the values `theta`, with which the record is explained [nats]; the base
+    /// may make room for it. Where `on_record` gives the price on the record [nats] of other values of it, the cheapest
+    /// of the values between those that the record wants and those that this data wants.
+    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<&dyn Fn(&[f64]) -> f64>) -> f64 {
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return 0.0 };
-        let fitter = Fitter { measured: self.measured.clone(), tau_samples: self.tau_samples, ..Fitter::new(&self.evidence) };
-        let mut simulator = Simulator::new(&self.evidence);
-        let held = |simulator: &mut Simulator<'_>, model: &Model<'_>, start: &[f64]| -> f64 {
-            let fit: Fit<'_> =
-                fitter.polish_in(simulator, model, start, Descent { iterations: 6, held: model.effects.len(), rough: false });
-            fitter.objective(&fit)
+        let fitter = self.fitter();
+        let mut simulator = Simulator::new(fitter.evidence);
+        let mut nats = |model: &Model<'_>, start: &[f64], held: usize| -> (f64, Vec<f64>) {
+            let fit = fitter.polish_in(&mut simulator, model, start, Descent { iterations: 6, held, rough: false });
+            (fitter.objective(&fit) * fitter.effective(), fit.theta)
         };
         let start = base.calibrated();
-        let without = held(&mut simulator, &base, &start);
-        let with = held(&mut simulator, &base.with(effect, 0.0), &[start.as_slice(), theta].concat());
-        (with - without) * fitter.effective()
+        let (without, _) = nats(&base, &start, 0);
+        let model = base.with(effect, 0.0);
+        let here = [start.as_slice(), theta].concat();
+        let own = nats(&model, &here, 1).0 - without;
+        let Some(on_record) = on_record else { return own };
+        let wanted = nats(&model, &here, 0).1.split_off(start.len());
+        let between = |share: f64| theta.iter().zip(&wanted).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
+        let price = |share: f64| {
+            let values = between(share);
+            nats(&model, &[start.as_slice(), &values].concat(), 1).0 - without + on_record(&values)
+        };
+        BETWEEN.map(price).into_iter().fold(own, f64::min)
     }
 }
+
+/// Values that are tried between what the record wants and what data of the good valve wants: shares of the way.
+const BETWEEN: [f64; 3] = [0.3, 0.6, 1.0];

@@ -9,9 +9,13 @@ use super::fit::{Fit, Fitter};
 use super::model::{BASE, DELAY, Simulator};
 
 /// Longest block [s].
-const BLOCK_S: f64 = 5.0;
+pub const BLOCK_S: f64 = 5.0;
 /// Fewest blocks.
 const FEWEST_BLOCKS: usize = 24;
+/// Part of the recording at its begin and at its end that is predicted from the rest,
+const BEYOND: f64 = 0.3;
+/// and the steps of the fit from which it is.
+const BEYOND_STEPS: usize = 8;
 /// Sign flips of the test.
 const FLIPS: usize = 1999;
 
@@ -106,6 +110,31 @@ fn gap_samples(fitter: &Fitter<'_>, fit: &Fit<'_>) -> usize {
 fn guards(block: &[usize], gap: usize) -> Vec<bool> {
     let other = |k: usize, at: usize| block.get(at).is_some_and(|b| *b != block[k]);
     (0..block.len()).map(|k| other(k, k.saturating_sub(gap)) || other(k, k + gap)).collect()
+}
+
+/// How much of what `with` gains over `without` on all data it gains on data that lie beyond those of its fit: the begin is
+/// predicted from the rest, and the end. What only follows a slow wander does not go on as it says; 1 where there is nothing to
+/// gain.
+pub fn carried_forward(fitter: &Fitter<'_>, with: &Fit<'_>, without: &Fit<'_>) -> f64 {
+    let n = fitter.measured.len();
+    let cut = (BEYOND * n as f64) as usize;
+    let ends = [0..cut, n - cut..n];
+    let squares = |fit: &Fit<'_>, theta: &[f64], end: &std::ops::Range<usize>| {
+        let mut residual = Vec::new();
+        Simulator::new(fitter.evidence).residual(&fit.model, theta, &fitter.measured, &mut residual);
+        residual[end.clone()].iter().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>()
+    };
+    let (mut claimed, mut gained) = (0.0, 0.0);
+    for end in ends {
+        let mut measured = fitter.measured.clone();
+        measured[end.clone()].fill(f64::NAN);
+        let seen = Fitter { measured, tau_samples: fitter.tau_samples, squared: fitter.squared, ..Fitter::new(fitter.evidence) };
+        let beyond = |fit: &Fit<'_>| squares(fit, &seen.polish(&fit.model, &fit.theta, BEYOND_STEPS).theta, &end);
+        let (less, more) = rayon::join(|| beyond(without), || beyond(with));
+        claimed += less - squares(with, &with.theta, &end);
+        gained += less - more;
+    }
+    if claimed > 0.0 { gained / claimed } else { 1.0 }
 }
 
 /// The held-out residual of a model fitted before on everything: refitted on each half, `steps` steps from there.

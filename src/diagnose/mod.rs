@@ -12,6 +12,7 @@ mod descent;
 mod diagnosis;
 mod error;
 mod evidence;
+mod excerpt;
 mod experiment;
 mod fit;
 mod foreign;
@@ -134,11 +135,7 @@ fn on_evidence(
         fitter.measured[k] = f64::NAN;
     }
     // Readings that measure nothing go first, so that they hide nothing else.
-    let mut null = fitter.recalibrate(&base, &[]);
-    if !base.confirms_lag(null.theta[model::BASE - 1]) {
-        base = base.distrusting_lag();
-        null = fitter.recalibrate(&base, &[]);
-    }
+    let (null, base) = search::recalibrated(&fitter, base);
     let mut scattered = scatter(&fitter, &null, |_| true);
     scattered.retain(|s| !s.finding.masked.is_empty());
     for s in &scattered {
@@ -147,12 +144,23 @@ fn on_evidence(
         }
         fitter.found.push(s.effect.id());
     }
-    let mut search = search::search(&mut fitter, &base);
+    let short = excerpt::excerpt(&fitter, &base);
+    let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
+    let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);
     let hollow = hollow::drop_hollow(&fitter, &mut search);
     // What only the scatter shows is looked for about the best course.
     let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
     scattered.extend(late);
-    let findings = Findings { recording, given: &given, base: &base, good: good.as_ref(), fitter: &fitter, search: &search, scattered };
+    let findings = Findings {
+        recording,
+        given: &given,
+        base: &base,
+        good: good.as_ref(),
+        fitter: &fitter,
+        looking: looking.as_ref(),
+        search: &search,
+        scattered,
+    };
     let mut found = findings.conclude();
     if !hollow.is_empty() {
         let names: Vec<String> = hollow.iter().map(|id| title(id)).collect();
@@ -162,6 +170,7 @@ fn on_evidence(
         );
         found.diagnosis.notes.push(text);
     }
+    found.diagnosis.notes.extend(short.as_ref().map(|short| excerpt::note(&evidence, short)));
     // What a foreign model does on another stimulus is not simulated.
     found.diagnosis.next_experiment = if found.recalibration.is_none() { experiment::next_experiment(&found) } else { None };
     Ok(found)

@@ -1,7 +1,7 @@
 //! A candidate model: the base valve with its parameters free within what the calibration allows, and effects.
 
 use super::evidence::Evidence;
-use crate::physics::{EFFECTS, Effect, Parameter, Pipeline, Stage, resolve, signals, specification};
+use crate::physics::{EFFECTS, Effect, MOST_INNER, Parameter, Pipeline, Stage, resolve, signals, specification};
 use crate::valve::{Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
 
 /// One parameter of the vector that a fit moves.
@@ -78,7 +78,7 @@ pub const UNSEEN_LAG_S: f64 = 0.015;
 /// Samples that the lag of a process may last.
 const LONGEST_PROCESS: f64 = 60.0;
 /// The step with which valves are recorded [s].
-const VALVE_STEP_S: f64 = 0.01;
+pub const VALVE_STEP_S: f64 = 0.01;
 
 /// The lag that coil, spool and hold usually have, and its spread [s].
 const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
@@ -313,8 +313,18 @@ impl<'a> Model<'a> {
             lag_s: theta[5],
             floor_bar: self.valve.floor_bar,
             input: Input::Ramp,
+            most_inner: MOST_INNER,
             effects,
         }
+    }
+
+    /// Steps of one block that the simulation of a sample takes.
+    pub fn steps_per_sample(&self, evidence: &Evidence) -> usize {
+        let theta = self.calibrated();
+        let curves = self.curves(&theta);
+        let pipeline = Pipeline { input: evidence.input, most_inner: evidence.most_inner, ..self.pipeline(&curves, &theta) };
+        let dt_s = evidence.step_s();
+        pipeline.steps_per_sample(&pipeline.context(0.0, dt_s, None))
     }
 
     /// The valve file that this model stands for.
@@ -364,7 +374,7 @@ impl<'e> Simulator<'e> {
     /// Pressure of all runs, one after the other [bar].
     pub fn pressure(&mut self, model: &Model<'_>, theta: &[f64], out: &mut Vec<f64>) {
         let curves = model.curves(theta);
-        let pipeline = Pipeline { input: self.evidence.input, ..model.pipeline(&curves, theta) };
+        let pipeline = Pipeline { input: self.evidence.input, most_inner: self.evidence.most_inner, ..model.pipeline(&curves, theta) };
         if let Some(base) = &self.evidence.base {
             base.pressure(self.evidence, pipeline, theta, out);
             return;

@@ -20,8 +20,8 @@ impl Findings<'_, '_> {
         let (of, other, indistinguishable) = close.or_else(next)?;
         let mut theta = chosen.theta.clone();
         theta.drain(chosen.model.place(of));
-        let without = self.fitter.refit(&chosen.model.without(of), &theta);
-        let fit = self.fitter.fit_new(&without.model.with(other, 0.0), &without, &[]);
+        let without = self.where_searched().refit(&chosen.model.without(of), &theta);
+        let fit = self.where_searched().fit_new(&without.model.with(other, 0.0), &without, &[]);
         Some(Rival {
             of: chosen.model.effects[of].id().into(),
             id: other.id().into(),

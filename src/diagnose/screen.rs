@@ -7,6 +7,10 @@ use super::model::{BASE, Model, Simulator, UNSEEN_LAG_S};
 /// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
 const HOPELESS_NATS: f64 = -30.0;
 
+/// How many starts make room for the effect, and how many of these go on: for a first effect, and beside others.
+const FIRST: (usize, usize) = (6, 3);
+const LATER: (usize, usize) = (4, 2);
+
 impl Fitter<'_> {
     /// Fits `model`, whose last effect is new.
     pub fn fit_new<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, hints: &[Vec<f64>]) -> Fit<'a> {
@@ -20,6 +24,8 @@ impl Fitter<'_> {
     /// `starts` of that effect, with the earlier effects held at first.
     pub fn screen<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, starts: &[Vec<f64>]) -> Vec<Fit<'a>> {
         let held = model.effects.len() - 1;
+        // Beside an effect that was found, the ends of the round before are among the starts, and fewer others are needed.
+        let effort = if held == 0 { FIRST } else { LATER };
         let mut simulator = Simulator::new(self.evidence);
         let mut residual = Vec::new();
         // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back.
@@ -35,14 +41,14 @@ impl Fitter<'_> {
         }
         let order = |a: &Fit<'_>, b: &Fit<'_>| self.objective(a).total_cmp(&self.objective(b));
         tried.sort_by(order);
-        tried.truncate(6);
+        tried.truncate(effort.0);
         // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back.
         let mut tried: Vec<Fit<'a>> = tried
             .iter()
             .map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 2, held: held + 1, rough: true }))
             .collect();
         tried.sort_by(order);
-        tried.truncate(3);
+        tried.truncate(effort.1);
         let mut rough: Vec<Fit<'a>> =
             tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 4, held, rough: true })).collect();
         rough.sort_by(order);

@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
-use super::heldout::held_out;
+use super::heldout::{BLOCK_S, carried_forward, held_out};
 use super::loss;
 use super::model::{BASE, Model, Simulator};
 use super::watch;
@@ -27,6 +28,8 @@ const FINALISTS: usize = 8;
 const HANDED_NATS: f64 = 60.0;
 /// and so many steps from there.
 const HANDED_STEPS: usize = 5;
+/// of which the later ones are taken only where the first two have come this near [nats].
+const HANDED_SHORT_NATS: f64 = 10.0;
 
 /// One candidate of one round.
 pub struct Ranked<'a> {
@@ -64,8 +67,40 @@ pub struct Search<'a> {
     pub rounds: Vec<Round<'a>>,
 }
 
+/// "Recalibrate only", of the base and of one whose lag is not believed where the recording does not confirm it.
+pub fn recalibrated<'a>(fitter: &Fitter<'_>, base: Model<'a>) -> (Fit<'a>, Model<'a>) {
+    let short = excerpt(fitter, &base);
+    let find = |base: &Model<'a>| match &short {
+        Some(short) => fitter.refit(base, &fitter.looking_at(short).recalibrate(base, &[]).theta),
+        None => fitter.recalibrate(base, &[]),
+    };
+    let null = find(&base);
+    if base.confirms_lag(null.theta[BASE - 1]) {
+        return (null, base);
+    }
+    let base = base.distrusting_lag();
+    (find(&base), base)
+}
+
+/// Searches the library on what `looking` sees, and fits and judges what was found on all; without it on all.
+pub fn search_in<'a>(fitter: &mut Fitter<'_>, looking: Option<&mut Fitter<'_>>, base: &Model<'a>) -> Search<'a> {
+    let Some(looking) = looking else {
+        let found = search(fitter, base);
+        return Search { chosen: confirmed(fitter, found.chosen, false), ..found };
+    };
+    let found = search(looking, base);
+    let starts = [&found.null.theta[..], &found.chosen.theta[..BASE]];
+    let nulls = starts.par_iter().map(|start| fitter.refit(base, start));
+    let (null, chosen) = rayon::join(
+        || nulls.min_by(|a, b| fitter.objective(a).total_cmp(&fitter.objective(b))),
+        || fitter.refit(&found.chosen.model, &found.chosen.theta),
+    );
+    fitter.tau_samples = correlation(fitter, &chosen);
+    Search { null: null.unwrap_or(found.null), chosen: confirmed(fitter, chosen, true), rounds: found.rounds }
+}
+
 /// Searches the library.
-pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
+fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
     let mut null = fitter.recalibrate(base, &[]);
     let mut chosen = null.clone();
     let mut rounds: Vec<Round<'a>> = Vec::new();
@@ -94,18 +129,31 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
             None => break,
         }
     }
-    Search { null, chosen: confirmed(fitter, chosen), rounds }
+    Search { null, chosen, rounds }
 }
 
 /// The effects less those that held-out stretches do not confirm: the last one to have been found is looked at first. An
-/// effect that takes the place of a recalibration needs no gain of its own, nor does one with a signature.
-fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>) -> Fit<'a> {
+/// effect that takes the place of a recalibration needs no gain of its own, nor does one with a signature. Where the search has
+/// looked at a part only, very strong evidence is asked for on all.
+fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'a> {
+    let effective = fitter.effective();
     let mut k = fit.model.effects.len();
     while k > 0 {
         k -= 1;
         let mut start = fit.theta.clone();
         start.drain(fit.model.place(k));
         let less = fitter.refit(&fit.model.without(k), &start);
+        if anew && less.bic(effective) < fit.bic(effective) + fitter.criteria.very_strong {
+            fit = less;
+            continue;
+        }
+        // Blocks in turn tell of a change that is slower than they are; it has to go on as it says.
+        let theta = &fit.theta[fit.model.place(k)];
+        let slow = fit.model.effects[k].memory_s(theta) > BLOCK_S;
+        if slow && carried_forward(fitter, &fit, &less) < fitter.criteria.carried {
+            fit = less;
+            continue;
+        }
         let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
         let (gain, interval, p_value) = with.gain_over(&without);
         // Few events lie in few blocks, which no test of blocks finds certain; what is gained there is as much as was claimed.
@@ -130,7 +178,10 @@ fn hand_back<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &mut [Ranked<
     ranked.par_iter_mut().filter(|r| near(&r.fit) && r.fit.theta[..BASE] != base[..]).for_each(|r| {
         for from in [&base[..], &incumbent.theta[..BASE]] {
             let theta = [from, &incumbent.theta[BASE..own], &r.fit.theta[own..]].concat();
-            let next = fitter.polish(&r.fit.model, &theta, HANDED_STEPS);
+            let mut next = fitter.polish(&r.fit.model, &theta, 2);
+            if fitter.gain(&r.fit, &next) > -HANDED_SHORT_NATS {
+                next = fitter.polish(&r.fit.model, &next.theta, HANDED_STEPS - 2);
+            }
             if fitter.objective(&next) < fitter.objective(&r.fit) {
                 r.fit = next;
             }

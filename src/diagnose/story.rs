@@ -89,7 +89,15 @@ pub fn story(found: &Diagnosed) -> Story {
     let (base, augmented) = (error(&curves.base_bar), error(&curves.augmented_bar));
     let grids = grids(curves);
     let start_shares = vec![MIDDLE; grids.len()];
-    let evidence = Evidence { grids, noise_bar, input: crate::course::Input::default(), notes: Vec::new(), start_shares, base: None };
+    let evidence = Evidence {
+        grids,
+        noise_bar,
+        input: crate::course::Input::default(),
+        most_inner: crate::physics::MOST_INNER,
+        notes: Vec::new(),
+        start_shares,
+        base: None,
+    };
     let mut all = variables(&evidence, &curves.base_bar);
     let (rate, direction) = movement(&evidence, &curves.base_bar);
     let strips = all.iter().map(|v| strip(v, &base, &augmented)).filter(|s| s.cells.len() > 1).collect();

@@ -7,7 +7,7 @@ use rand_distr::{Distribution, Normal};
 use super::*;
 use crate::physics::{effect, simulate, specification};
 use crate::recording::Run;
-use crate::valve::Input;
+use crate::valve::{Identification, Input};
 
 const NOISE_BAR: f64 = 0.03;
 
@@ -208,4 +208,39 @@ fn what_the_good_valve_has_is_form_and_what_its_data_excludes_has_changed() {
     let alone = diagnose(&recording(&worn), &valve()).unwrap().diagnosis;
     assert!(alone.effects.iter().all(|f| f.claim == Claim::Lacks && f.id != "reversal_dead_band"), "{}", alone.summary);
     assert!(alone.form.iter().any(|f| f.id == "reversal_dead_band"), "{}", alone.summary);
+}
+
+#[test]
+fn a_model_of_held_commands_is_compared_with_held_commands() {
+    let (time_s, current_a) = drive();
+    let coarse = |values: Vec<f64>| values.into_iter().step_by(10).collect::<Vec<f64>>();
+    let (time_s, current_a) = (coarse(time_s), coarse(current_a));
+    let mut random = rand_pcg::Pcg64::seed_from_u64(8);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    let pressure = simulate(&valve(), Input::Held, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    let recording = Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![], input: None };
+    let found_for = |input| {
+        let found = Identification { input: Some(input), ..Identification::default() };
+        Valve { identification: Some(found), ..valve() }
+    };
+    let d = diagnose(&recording, &found_for(Input::Held)).unwrap().diagnosis;
+    assert_eq!(d.verdict, Verdict::Match, "{}", d.summary);
+    assert!(d.rmse_bar.base < 1.1 * NOISE_BAR, "{}", d.rmse_bar.base);
+    // Under the other convention half a step of 0.1 s is missing.
+    assert!(diagnose(&recording, &found_for(Input::Ramp)).unwrap().diagnosis.rmse_bar.base > 5.0 * NOISE_BAR);
+}
+
+#[test]
+fn a_slow_wander_is_no_drift() {
+    let mut wanders = recording(&valve());
+    let run = &mut wanders.runs[0];
+    let time_s = run.time_s.clone();
+    // Up, and then it stays, and then down again by half: what was found in the one half says nothing of the other.
+    let course = |t: f64| 0.9 * ((t - 12.0) / 14.0).clamp(0.0, 1.0) - 0.5 * ((t - 40.0) / 12.0).clamp(0.0, 1.0);
+    for (p, t) in run.pressure_bar.iter_mut().flatten().zip(&time_s) {
+        *p += course(*t);
+    }
+    let d = diagnose(&wanders, &valve()).unwrap().diagnosis;
+    assert!(d.effects.iter().all(|e| e.id != "sensor_drift" && e.id != "reference_drift"), "{}", d.summary);
 }

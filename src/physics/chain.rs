@@ -14,8 +14,6 @@ const LONGEST_FAST: f64 = 1.3;
 const LONGEST_SLOW: f64 = 0.4;
 /// A lag that is shorter than this is followed as one of this time [s].
 const SHORT_LAG_S: f64 = 0.004;
-/// Most inner steps per sample.
-const MOST: f64 = 64.0;
 /// Inner steps handled together; small enough for the level-1 cache.
 const CHUNK: usize = 256;
 
@@ -99,7 +97,7 @@ impl Chain {
         };
         let before = effects(&[Stage::Static, Stage::Curve, Stage::Supply]);
         let after = effects(&[Stage::Chamber, Stage::Creep, Stage::Sensor]);
-        let inner = inner_steps(context.dt_s, &groups(&before, lag_s, &after));
+        let inner = inner_steps(context, &groups(&before, lag_s, &after));
         let (arrival, arrives_at) = match context.arrival {
             Arrival::Ramp => (Arrival::Ramp, 0),
             Arrival::Held { left } => {
@@ -156,6 +154,11 @@ impl Chain {
             }
         }
         chain
+    }
+
+    /// Steps of one block that a sample takes; at least 1.
+    pub fn steps_per_sample(&self) -> usize {
+        (self.inner * self.middle.len()).max(1)
     }
 
     /// Replaces the pressure after the static curve by that at the sensor, in place; goes on where it has ended before.
@@ -293,7 +296,7 @@ fn groups(before: &[&Valued], lag_s: f64, after: &[&Valued]) -> Vec<Group> {
 }
 
 /// Into how many parts a sample is divided: one where a single block is exact by itself.
-fn inner_steps(dt_s: f64, groups: &[Group]) -> f64 {
+fn inner_steps(context: &Context, groups: &[Group]) -> f64 {
     let alone = groups.len() == 1;
     let longest = |group: &Group| match (group.linear, alone) {
         (true, true) if group.members == 1 => f64::INFINITY,
@@ -303,7 +306,7 @@ fn inner_steps(dt_s: f64, groups: &[Group]) -> f64 {
         (false, false) => LONGEST * group.shortest_s,
     };
     let step_s = groups.iter().map(longest).fold(f64::INFINITY, f64::min);
-    let parts = (dt_s / step_s).clamp(1.0, MOST);
+    let parts = (context.dt_s / step_s).clamp(1.0, context.most_inner as f64);
     // Powers of two, so that a fit that moves a time constant seldom moves the grid.
     parts.log2().ceil().exp2()
 }

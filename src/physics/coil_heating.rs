@@ -32,6 +32,9 @@ impl Effect for CoilHeating {
     fn stage(&self) -> Stage {
         Stage::Coil
     }
+    fn memory_s(&self, theta: Theta<'_>) -> f64 {
+        theta[1]
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 3] = [
             Parameter {

@@ -29,6 +29,9 @@ impl Effect for Creep {
     fn stage(&self) -> Stage {
         Stage::Creep
     }
+    fn memory_s(&self, theta: Theta<'_>) -> f64 {
+        theta[1]
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 3] = [
             Parameter {

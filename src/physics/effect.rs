@@ -66,6 +66,8 @@ pub struct Context {
     pub start_s: f64,
     /// When within a step the command changes.
     pub arrival: Arrival,
+    /// Most inner steps of a sample.
+    pub most_inner: usize,
     /// Range of current of the reference curves [A].
     pub range_a: (f64, f64),
     /// Slope of the average curve in the middle of its range [bar/A].
@@ -153,6 +155,11 @@ pub trait Effect: Sync {
     /// The shortest time in which its output moves by itself [s]: what follows it must be simulated in steps of that order.
     fn shortest_s(&self, _: Theta<'_>) -> f64 {
         f64::INFINITY
+    }
+
+    /// How long what it does goes on changing by itself [s]: stretches of a recording that are shorter tell of one another.
+    fn memory_s(&self, _: Theta<'_>) -> f64 {
+        0.0
     }
 
     /// The longest step of the recording up to which it may be simulated sample by sample ahead of the curve [s].

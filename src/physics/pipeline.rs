@@ -9,6 +9,8 @@ use super::error::PhysicsError;
 use super::resolve::resolve;
 use crate::valve::{Hysteresis, Input, ReferenceCurves, Valve};
 
+/// Inner steps of a sample at most, so that what follows is exact for a valve at any rate of a recording.
+pub const MOST_INNER: usize = 64;
 /// Most parts of a sample.
 const MOST_PARTS: f64 = 1000.0;
 
@@ -26,6 +28,8 @@ pub struct Pipeline<'a> {
     pub floor_bar: Option<f64>,
     /// What the command does between two samples.
     pub input: Input,
+    /// Most inner steps of a sample behind the curve: fewer are faster, and less exact where dynamics follow dynamics.
+    pub most_inner: usize,
     /// Further effects with their values.
     pub effects: Vec<(&'static dyn Effect, Vec<f64>)>,
 }
@@ -38,7 +42,16 @@ impl<'a> Pipeline<'a> {
     pub fn of(valve: &'a Valve) -> Result<Self, PhysicsError> {
         let effects = valve.effects.iter().map(resolve).collect::<Result<_, _>>()?;
         let Valve { curves, hysteresis, delay_s, lag_s, floor_bar, .. } = valve;
-        Ok(Self { curves, hysteresis: *hysteresis, delay_s: *delay_s, lag_s: *lag_s, floor_bar: *floor_bar, input: Input::Held, effects })
+        Ok(Self {
+            curves,
+            hysteresis: *hysteresis,
+            delay_s: *delay_s,
+            lag_s: *lag_s,
+            floor_bar: *floor_bar,
+            input: Input::Held,
+            most_inner: MOST_INNER,
+            effects,
+        })
     }
 
     /// Whether nothing but the static model remains, so that the time step does not matter.
@@ -56,7 +69,15 @@ impl<'a> Pipeline<'a> {
         let range_a = self.curves.range_a;
         let (low, high) = (self.curves.average_at(range_a.0), self.curves.average_at(range_a.1));
         let arrival = Delay::new(self.dead_time_s(), dt_s, self.input).arrival;
-        Context { dt_s, start_s, arrival, range_a, slope_bar_per_a: (high - low) / (range_a.1 - range_a.0), seed }
+        Context {
+            dt_s,
+            start_s,
+            arrival,
+            most_inner: self.most_inner,
+            range_a,
+            slope_bar_per_a: (high - low) / (range_a.1 - range_a.0),
+            seed,
+        }
     }
 
     /// Into how many parts each sample must be divided ahead of the curve.
@@ -138,6 +159,11 @@ impl<'a> Pipeline<'a> {
     /// 1/2 on the average, 1 on the descending.
     pub fn static_curve(&self, start_share: f64, current_a: &[f64], pressure_bar: &mut [f64]) {
         self.hysteresis.run(self.curves, start_share, current_a, pressure_bar);
+    }
+
+    /// Steps of one block that the stages after the static curve take for a sample.
+    pub fn steps_per_sample(&self, context: &Context) -> usize {
+        self.chain(context).steps_per_sample()
     }
 
     /// The stages after the static curve.

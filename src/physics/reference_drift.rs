@@ -29,6 +29,9 @@ impl Effect for ReferenceDrift {
     fn stage(&self) -> Stage {
         Stage::Curve
     }
+    fn memory_s(&self, _: Theta<'_>) -> f64 {
+        f64::INFINITY
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 3] = [
             Parameter {

@@ -28,6 +28,9 @@ impl Effect for SensorDrift {
     fn stage(&self) -> Stage {
         Stage::Sensor
     }
+    fn memory_s(&self, _: Theta<'_>) -> f64 {
+        f64::INFINITY
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 2] = [
             Parameter {
