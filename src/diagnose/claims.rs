@@ -41,13 +41,17 @@ impl Findings<'_, '_> {
         })
     }
 
-    /// Whether data of the good valve excludes effect number `k` of the chosen model.
-    pub fn claim(&self, k: usize) -> Claim {
+    /// Whether data of the good valve excludes effect number `k` of the chosen model; `without`: the model without it.
+    pub fn claim(&self, k: usize, without: &Fit<'_>) -> Claim {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
         let Some(good) = self.good else { return Claim::Lacks };
         // A loop whose form had to be corrected by the same effect already has changed its form only on paper.
         if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
+            return Claim::Lacks;
+        }
+        // Nor has one whose form is no farther off on the record than on the good valve's own drive.
+        if effect.imitates_form() && without.rmse_bar < self.fitter.criteria.structure_known * self.fitter.floor_bar {
             return Claim::Lacks;
         }
         let fitter = self.where_searched();

@@ -217,7 +217,7 @@ impl<'a> Findings<'_, 'a> {
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
                 let (share, indistinguishable) = self.rivals(k, &without);
-                let claim = self.claim(k);
+                let claim = self.claim(k, &without);
                 let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (

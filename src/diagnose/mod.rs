@@ -147,7 +147,8 @@ fn on_evidence(
     let short = excerpt::excerpt(&fitter, &base);
     let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
     let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);
-    let hollow = hollow::drop_hollow(&fitter, &mut search);
+    let mut hollow = hollow::drop_hollow(&fitter, &mut search);
+    hollow.extend(hollow::drop_hollow_scatter(&fitter, &search, &mut scattered));
     // What only the scatter shows is looked for about the best course.
     let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
     scattered.extend(late);
