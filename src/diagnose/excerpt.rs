@@ -41,8 +41,13 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>) -> Option<Evidence> {
         begin += run.len();
         runs.push((masked.thinned(every, evidence.input), *share));
     }
-    let all: usize = runs.iter().map(|(run, _)| run.len()).sum();
-    if all > most {
+    let samples_of = |runs: &[(Run, f64)]| runs.iter().map(|(run, _)| run.len()).sum::<usize>();
+    // Of many runs some, whole: a few samples of each would show no movement of any.
+    let many = runs.len() > STRETCHES;
+    let among = if many { samples_of(&runs).div_ceil(most) } else { 1 };
+    let mut runs: Vec<(Run, f64)> = runs.into_iter().step_by(among).collect();
+    let all = samples_of(&runs);
+    if all > most && runs.len() <= STRETCHES {
         runs = runs.iter().flat_map(|(run, share)| stretches(run, *share, run.len() * most / all)).collect();
     }
     Some(evidence.of_runs(runs.into_iter().unzip(), ROUGH))
@@ -123,6 +128,15 @@ mod tests {
         // The current is what it is at these times.
         let t = last.time_s(100);
         assert!((last.current_a[100] - (0.5 + 0.3 * t.sin())).abs() < 1e-9);
+    }
+
+    #[test]
+    fn of_many_runs_some_are_looked_at_whole() {
+        let mut many = evidence(1_000, 0.01);
+        many.grids = (0..60).map(|_| many.grids[0].clone()).collect();
+        many.start_shares = vec![MIDDLE; 60];
+        let less = looked_at(&Fitter::new(&many)).unwrap();
+        assert!(less.grids.iter().all(|run| run.len() == 1_000) && less.samples() <= MOST_SAMPLES, "{}", less.samples());
     }
 
     #[test]
