@@ -74,6 +74,31 @@ mod tests {
     }
 
     #[test]
+    fn each_condition_of_routh_alone_makes_it_unstable() {
+        let gains = |kp_ma_per_bar: f64, ki_ma_per_bar_s: f64| Gains { kp_ma_per_bar, ki_ma_per_bar_s };
+        assert!(stable(&PAPER, gains(1.0, 5.0)) && stable(&PAPER, gains(1.0, 0.0)));
+        // K_P beyond its limit; an integral that turns the wrong way; K_I beyond its limit.
+        assert!(!stable(&PAPER, gains(40.0, 0.0)) && !stable(&PAPER, gains(1.0, -1.0)) && !stable(&PAPER, gains(0.0, 940.0)));
+        // Without a lag a0 = 0: a1 and a2 both negative have a positive product.
+        assert!(!stable(&LoopPlant { lag_s: 0.0, ..PAPER }, gains(30.0, 1e4)));
+    }
+
+    #[test]
+    fn the_boundary_runs_from_the_limit_of_the_integral_to_that_of_the_proportional_gain() {
+        let found = boundary(&PAPER, 4);
+        let kp: Vec<f64> = found.iter().map(|p| p.0).collect();
+        assert_eq!(kp, [0.0, 12.5, 25.0, 37.5]);
+        assert!((found[0].1 - 937.5).abs() < 1e-9 && found[3].1.abs() < 1e-9, "{found:?}");
+        // K_P 12.5: a1 = 0.04, slope = 0.04 (0.0016 + 0.0008) = 9.6e-5, K_I = 0.04 * 3 / 9.6e-5.
+        assert!((found[1].1 - 1250.0).abs() < 1e-6, "{found:?}");
+        assert!(boundary(&LoopPlant { delay_s: 0.0, ..PAPER }, 4).is_empty());
+        assert_eq!(
+            limits(&LoopPlant { gain_bar_per_ma: 0.0, ..PAPER }, 1.0),
+            RouthLimits { kp_max_ma_per_bar: None, ki_max_ma_per_bar_s: None }
+        );
+    }
+
+    #[test]
     fn without_a_delay_there_is_no_limit() {
         let limits = limits(&LoopPlant { delay_s: 0.0, ..PAPER }, 1.0);
         assert_eq!((limits.kp_max_ma_per_bar, limits.ki_max_ma_per_bar_s), (None, None));
