@@ -234,8 +234,9 @@ impl Conduct for Floor {
         self.hub.change(|board| match board.sites.get_mut(site) {
             Some(card) if card.light == Light::Unsafe => {
                 card.light = Light::Idle;
-                let evidence = card.verdict.as_ref().and_then(|v| v.safe_state.as_ref()).map(|s| s.evidence.clone());
-                last_word::settled(&evidence.unwrap_or_default());
+                // A later attempt to reach the safe state may have another evidence than the record.
+                let said = card.verdict.as_ref().and_then(|v| v.safe_state.as_ref()).map(|s| s.evidence.clone());
+                said.into_iter().chain(self.seats.evidence(site)).for_each(|evidence| last_word::settled(&evidence));
                 board.note(now(), Some(site), "somebody confirmed that the power of this site was taken away");
                 Ok(())
             }

@@ -77,6 +77,12 @@ impl Seats {
         }
     }
 
+    /// What the last run at a site left known of its safe state.
+    pub fn evidence(&self, site: usize) -> Option<String> {
+        let control = self.sites.get(site).and_then(|p| lock(p).control.clone())?;
+        control.safe_state().map(|s| s.evidence)
+    }
+
     /// Stops everything; whether anything ran.
     pub fn stop_all(&self, who: &str) -> bool {
         let busy: Vec<usize> = self.hub.read(|b| b.sites.iter().enumerate().filter(|(_, s)| s.run.is_some()).map(|(k, _)| k).collect());
