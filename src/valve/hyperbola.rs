@@ -238,6 +238,19 @@ mod tests {
         }
 
         #[test]
+        fn the_inverse_moves_its_current_as_the_pressure_is_asked_to_move(wanted in prop::collection::vec(-2.0f64..40.0, 2..30), i0 in 0.06f64..1.0, p0 in -5.0f64..45.0) {
+            // From any start, also on the wrong side of a curve, where the formula alone would turn the current round.
+            let c = paper();
+            let mut inverse = InverseState::start(1.0, i0, p0);
+            for p in wanted {
+                let (i_before, p_before) = (inverse.current_a(), inverse.pressure_bar());
+                let i = inverse.current_for(&c, p);
+                prop_assert!((i - i_before) * (p - p_before) >= 0.0, "{p_before} bar -> {p} bar: {i_before} A -> {i} A");
+                prop_assert_eq!((inverse.current_a(), inverse.pressure_bar()), (i, p));
+            }
+        }
+
+        #[test]
         fn the_curve_of_the_direction_bounds_the_pressure(path in currents(), a in 0.0f64..5.0) {
             let c = paper();
             let mut state = start(a, path[0]);
