@@ -4,6 +4,7 @@ use super::conclude::Findings;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Finding};
 use super::fit::Fit;
+use super::good::Price;
 use super::model::Simulator;
 use crate::physics::{Effect, Kind, effect};
 
@@ -67,7 +68,7 @@ impl Findings<'_, '_> {
             held(&theta) - as_chosen
         };
         // A form that explains both has always been so, also where another size of it would suit the record better.
-        let on_record: Option<&dyn Fn(&[f64]) -> f64> = if effect.imitates_form() { Some(&with) } else { None };
+        let on_record: Option<Price<'_>> = if effect.imitates_form() { Some(&with) } else { None };
         let excluded = good.excludes(effect, theta, on_record) > self.fitter.criteria.excluded_nats;
         if excluded { Claim::Changed } else { Claim::Lacks }
     }

@@ -18,6 +18,9 @@ use crate::physics::Effect;
 use crate::recording::Recording;
 use crate::valve::Valve;
 
+/// What values of an effect cost on the record [nats].
+pub type Price<'p> = &'p dyn Fn(&[f64]) -> f64;
+
 /// The good valve, as its own data shows it.
 pub struct Good {
     /// The recordings, by name.
@@ -194,7 +197,7 @@ impl Good {
     /// How much that data speaks against an effect of the values `theta`, with which the record is explained [nats]; the base
     /// may make room for it. Where `on_record` gives the price on the record [nats] of other values of it, the cheapest
     /// of the values between those that the record wants and those that this data wants.
-    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<&dyn Fn(&[f64]) -> f64>) -> f64 {
+    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<Price<'_>>) -> f64 {
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return 0.0 };
         let fitter = self.fitter();
         let mut simulator = Simulator::new(fitter.evidence);
