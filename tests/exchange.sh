@@ -20,7 +20,8 @@ step "build"
 cargo build --locked --profile "$profile" --bin hil
 cargo build --locked --profile "$profile" -p hil-fmu -p hil-python
 hil=$PWD/$built/hil
-library=$PWD/$built/libhil_fmu.so
+library=$PWD/$work/libhil_fmu.so
+strip -o "$library" "$built/libhil_fmu.so"
 
 step "the library inside an FMU"
 cargo test --locked --profile "$profile" -p hil-fmu -- --nocapture
@@ -44,8 +45,20 @@ rm -rf "$work/lot" "$work/lot.dfq"
 "$python" tests/peers/aqdef.py "$work/lot.dfq" "$work/lot"
 
 step "the Python package"
-MATURIN_PEP517_ARGS="--locked --profile $profile" "$python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps ./python
+rm -rf "$work/wheel"
+MATURIN_PEP517_ARGS="--locked --profile $profile" "$python" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$work/wheel" ./python
+ls -l "$work"/wheel/*.whl
+"$python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$work"/wheel/*.whl
 HIL=$hil "$python" -m pytest -q python/tests
+# The same wheel on the other versions of Python that this machine has.
+for other in 3.10 3.12 3.13; do
+    found=$(command -v "python$other" || ls -d "$HOME"/.pyenv/versions/"$other".*/bin/python 2> /dev/null | head -1 || true)
+    "${found:-false}" -c 'import venv, ensurepip' 2> /dev/null || { echo "Python $other is not here"; continue; }
+    [ -x "$work/venv-$other/bin/python" ] || "$found" -m venv "$work/venv-$other"
+    "$work/venv-$other/bin/python" -m pip install --quiet --disable-pip-version-check 'numpy>=2,<3' pandas polars pyarrow pytest
+    "$work/venv-$other/bin/python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$work"/wheel/*.whl
+    echo "Python $other:" && "$work/venv-$other/bin/python" -m pytest -q python/tests
+done
 (cd python && "../$python" -m mypy --strict hil)
 if [ "$profile" = release ]; then
     "$python" tests/peers/python_figures.py "$hil"

@@ -297,7 +297,9 @@ impl Instance {
         let mut valve = self.valve.clone();
         valve.delay_s -= self.step_s;
         let seed = (self.seed > 0).then_some(self.seed);
-        Plant::new(&valve, self.step_s, self.past.front().map_or(self.current_a, |first| first.0), seed).map_err(|e| Refused(e.to_string()))
+        let start_a = self.past.front().map_or(self.current_a, |first| first.0);
+        let plant = if self.part == Part::Behind { Plant::behind } else { Plant::new };
+        plant(&valve, self.step_s, start_a, seed).map_err(|e| Refused(e.to_string()))
     }
 
     /// After a change of parameters in mid-run: the remembered past again, with the new ones.

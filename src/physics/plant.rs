@@ -9,7 +9,7 @@ use super::chain::Chain;
 use super::delay::{Delay, DelayLine};
 use super::error::PhysicsError;
 use super::pipeline::Pipeline;
-use crate::valve::{Hysteresis, HysteresisState, ReferenceCurves, Valve};
+use crate::valve::{Hysteresis, HysteresisState, Input, ReferenceCurves, Valve};
 
 /// A simulated valve: a command in, which it holds until the next one, and the pressure measured at the instant of the
 /// message.
@@ -42,7 +42,19 @@ impl Plant {
     /// # Errors
     /// [`PhysicsError`] where an effect of the valve is not known or out of range.
     pub fn new(valve: &Valve, period_s: f64, start_current_a: f64, seed: Option<u64>) -> Result<Self, PhysicsError> {
-        let pipeline = Pipeline::of(valve)?;
+        Self::with_input(valve, Input::Held, period_s, start_current_a, seed)
+    }
+
+    /// The effects of `valve` behind a pressure that comes from elsewhere, by [`Plant::take`], and goes on straight lines from step to step.
+    ///
+    /// # Errors
+    /// As [`Plant::new`].
+    pub fn behind(valve: &Valve, period_s: f64, start_current_a: f64, seed: Option<u64>) -> Result<Self, PhysicsError> {
+        Self::with_input(valve, Input::Ramp, period_s, start_current_a, seed)
+    }
+
+    fn with_input(valve: &Valve, input: Input, period_s: f64, start_current_a: f64, seed: Option<u64>) -> Result<Self, PhysicsError> {
+        let pipeline = Pipeline { input, ..Pipeline::of(valve)? };
         let parts = pipeline.parts(period_s);
         let period_s = period_s / parts as f64;
         let context = pipeline.context(0.0, period_s, seed);

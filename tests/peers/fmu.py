@@ -13,8 +13,8 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
 STEP_S = 0.01
-# What the FMU may differ from `hil simulate` [bar].
-ALLOWED = 1e-9
+# What the FMU may differ from `hil simulate`, which writes whole microbars [bar]; `fmu/tests` hold 1e-9 against the library.
+ALLOWED = 5.1e-7
 
 
 def drive(seconds=120.0):

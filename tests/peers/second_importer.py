@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow.parquet as parquet
 from fmu import ALLOWED, STEP_S, called, drive
 from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimManipulator import CosimManipulator
 from libcosimpy.CosimObserver import CosimObserver
 from libcosimpy.CosimSlave import CosimLocalSlave
@@ -23,6 +24,7 @@ def main():
     record = folder / "drive.csv"
     np.savetxt(record, np.column_stack([t, current]), delimiter=",", header="time_s,current_a", comments="", fmt=["%.2f", "%.6f"])
     wrong = 0
+    log_output_level(CosimLogLevel.WARNING)
     for model in map(Path, sys.argv[4:]):
         simulated, fmu = folder / "simulated.parquet", folder / f"{model.stem}.fmu"
         called(hil, "simulate", record, "--model", model, "-o", simulated, "--force")
