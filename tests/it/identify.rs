@@ -16,7 +16,7 @@ fn sweep(header: &str, scale: f64) -> (Valve, String) {
         current.extend((1..=n.max(1)).map(|k| from + (to - from) * k as f64 / n.max(1) as f64));
     }
     let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
-    let pressure = simulate(&valve, Input::Ramp, &time, &current).unwrap();
+    let pressure = simulate(&valve, Input::Held, &time, &current).unwrap();
     let mut text = format!("{header}\n");
     for ((t, i), p) in time.iter().zip(&current).zip(&pressure) {
         writeln!(text, "{t:.2},{:.6},{p:.4}", i * scale).unwrap();
