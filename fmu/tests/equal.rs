@@ -161,6 +161,7 @@ fn a_model_that_is_not_that_of_the_description_is_refused() {
     let text = include_str!("../../valves/paper.toml");
     std::fs::write(folder.join("valve.toml"), text).unwrap();
     std::fs::write(folder.join("step.txt"), "0.01").unwrap();
+    std::fs::write(folder.join("part.txt"), "whole").unwrap();
     let token = hil::exchange::fmu::token(text, Part::Whole, 0.01);
     assert!(Instance::new(&folder, &token).is_ok());
     assert!(Instance::new(&folder, "another").is_err());
