@@ -60,7 +60,8 @@ impl Problem<'_> {
             lag_s: 0.0,
             floor_bar: self.valve.floor_bar,
             effects: vec![(effect, values)],
-            input: hil::valve::Input::Ramp,
+            input: hil::valve::Input::Held,
+            most_inner: hil::physics::MOST_INNER,
         };
         let (mut work, mut pressure) = (Vec::new(), Vec::new());
         pipeline.run(self.run.time_s[0], self.step_s, &Signals::current(&self.run.current_a), &mut work, &mut pressure);
