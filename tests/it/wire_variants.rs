@@ -124,8 +124,11 @@ fn figures(plan: &Plan, valve: &Valve, rig: &mut dyn Rig) -> (Vec<f64>, bool) {
     (rmse, record.reasons.is_empty() && timing.lost_samples + timing.stale_samples + timing.missed_slots == 0)
 }
 
+/// Three deviations of an RMSE of 100 samples that is all noise of 20 mbar [bar].
+const BY_NOISE_BAR: f64 = 0.004;
+
 /// The plan on a simulation and through the emulator; the period of delay between a command and the sample that shows
-/// it lies in both, so every RMSE is the same within 2 %.
+/// it lies in both, so every RMSE is the same within 2 %, or within what the noise makes of it.
 fn equals_the_simulation(plan: &Plan) {
     use hil::physics::Plant;
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -148,7 +151,7 @@ fn equals_the_simulation(plan: &Plan) {
         };
         let Ok((found, true)) = hil::rig::loop_thread::run(&control, body, || ()).unwrap() else { continue };
         for (a, b) in found.iter().zip(&wanted) {
-            assert!((a / b - 1.0).abs() < 0.02, "{found:?} through the emulator, {wanted:?} simulated");
+            assert!((a - b).abs() < f64::max(0.02 * b, BY_NOISE_BAR), "{found:?} through the emulator, {wanted:?} simulated");
         }
         return;
     }
