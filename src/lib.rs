@@ -10,6 +10,8 @@ pub mod shipped;
 
 pub mod document;
 
+pub mod digest;
+
 pub mod output;
 
 pub mod valve;

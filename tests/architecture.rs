@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 /// The rooms in the order of dependence: a room may use only those before it.
-const ROOMS: [&str; 24] = [
+const ROOMS: [&str; 25] = [
     "shipped",
     "document",
+    "digest",
     "output",
     "units",
     "valve",

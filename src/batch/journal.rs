@@ -13,7 +13,6 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::BatchError;
 use crate::output::{clear_leftovers, make_folder_within, sync_folder, whole_file};
@@ -143,7 +142,7 @@ const FIRST: &str = "00000000000000000000000000000000";
 
 /// Digest of a framed line.
 fn digest(framed: &[u8]) -> String {
-    Sha256::digest(framed).iter().take(DIGEST / 2).map(|b| format!("{b:02x}")).collect()
+    crate::digest::sha256(framed)[..DIGEST].to_string()
 }
 
 /// The digest of the line before, `None` in a line of the first version, and the JSON; `None` where the line is not whole.

@@ -1,9 +1,8 @@
 //! The sealed truth: one text, whose digest is told before anybody is asked.
 
-use sha2::{Digest, Sha256};
-
 use super::draw::Case;
 use super::session::Controller;
+use crate::digest;
 
 /// The truth of a series as text, and its SHA-256.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,14 +19,13 @@ impl Seal {
     pub fn new(cases: &[Case]) -> Self {
         let truth = serde_json::json!({ "schema": "hil.challenge.truth/1", "cases": cases.iter().map(truth_of).collect::<Vec<_>>() });
         let text = format!("{truth:#}\n");
-        let sha256 = Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+        let sha256 = digest::sha256(&text);
         Self { text, sha256 }
     }
 
     /// Whether a text is the one that was sealed.
     pub fn holds(&self, text: &str) -> bool {
-        let digest: String = Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
-        digest == self.sha256
+        digest::sha256(text) == self.sha256
     }
 }
 

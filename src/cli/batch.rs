@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use sha2::{Digest, Sha256};
 
 use super::answers::Answers;
 use super::batch_bench::Bench;
@@ -235,11 +234,6 @@ fn remaining(valves: Vec<Dut>, loaded: &Loaded, retry: &Retry, retest: bool) -> 
 /// The present, as the journal writes it.
 pub fn now() -> String {
     jiff::Timestamp::now().to_string()
-}
-
-/// SHA-256, hex.
-pub fn hex(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// Tells on stderr what is confirmed: a bar for many valves, a line each for few.

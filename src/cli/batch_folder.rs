@@ -8,6 +8,7 @@ use crate::batch::index::Index;
 use crate::batch::store::write_whole;
 use crate::batch::summary::BatchSummary;
 use crate::batch::tally::{Attempt, Tally};
+use crate::digest;
 use crate::output::{Mark, folder_name};
 use crate::record::TestRecord;
 use crate::recording::{Column, RecordingError, Values, replace_file, write_parquet};
@@ -45,7 +46,7 @@ pub fn report_link(dir: &Path, attempt: &Attempt) -> Option<String> {
 /// An id that follows from what the report says.
 pub fn report_id(summary: &BatchSummary) -> String {
     let bytes = serde_json::to_vec(&(&summary.batch, &summary.valves)).unwrap_or_default();
-    format!("HIL-{}", super::batch::hex(&bytes)[..12].to_uppercase())
+    format!("HIL-{}", digest::sha256(&bytes)[..12].to_uppercase())
 }
 
 /// The batch as JSON.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::batch::{BatchArgs, failed, hex, now};
+use super::batch::{BatchArgs, failed, now};
 use super::batch_bench::Setup;
 use super::batch_folder;
 use super::run::sha256;
@@ -14,6 +14,7 @@ use crate::batch::store::{Header, Loaded, SCHEMA, Store};
 use crate::batch::summary::BatchSummary;
 use crate::batch::tally::Tally;
 use crate::batch::{campaign::Retry, duts, journal::Damage, master, summary};
+use crate::digest;
 use crate::output::{Claim, Outputs};
 use crate::plan::{LimitsFile, Plan, RetryOn, SerialForm};
 use crate::record::{Dut, Outcome};
@@ -192,7 +193,7 @@ fn header(
         seed: args.seed,
         rig: setup.identity(),
         valves: valves.map(<[Dut]>::len),
-        valves_sha256: valves.map(|v| hex(&serde_json::to_vec(v).unwrap_or_default())),
+        valves_sha256: valves.map(|v| digest::sha256(serde_json::to_vec(v).unwrap_or_default())),
         population,
         limits: limits_of,
         decision_rule: limits.map_or(crate::limits::DecisionRule::Simple, |l| l.1.decision_rule).text().into(),

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
 use super::{CliError, CliResult, exit};
 use crate::challenge::{draw_fleet, tells, write_run, write_text};
+use crate::digest;
 
 /// Length of each recording [s].
 const LENGTH_S: f64 = 60.0;
@@ -21,7 +21,7 @@ pub(super) fn write(out: &Path, seed: u64, count: usize) -> CliResult {
         std::fs::create_dir_all(&folder).map_err(|e| CliError::not_stored(format!("{}: {e}", folder.display())))?;
     }
     let truth = format!("{:#}\n", fleet.truth());
-    let digest: String = Sha256::digest(truth.as_bytes()).iter().map(|b| format!("{b:02x}")).collect();
+    let digest = digest::sha256(&truth);
     write_text(&out.join("sealed/truth.json"), &truth).map_err(CliError::not_stored)?;
     super::print(&format!("fleet of {count} valves, seed {seed}\nsealed truth: sha256 {digest}\n"))?;
     for part in 0..2 {

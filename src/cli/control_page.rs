@@ -17,7 +17,7 @@ use crate::identify::{Options, identify};
 use crate::metrics::{Metric, Rmse, Segment, Signals};
 use crate::record::Dut;
 use crate::recording::Recording;
-use crate::rig::{Quality, Rig, RigError, RigIdentity, SafeState, Sample};
+use crate::rig::{Rig, RigError, RigIdentity, SafeState, Sample};
 use crate::runner::{Prepared, RunOptions, run};
 use crate::valve::{Input, Valve};
 
@@ -278,17 +278,7 @@ impl Rig for ChallengeRig {
         let time_s = self.truth_bar.len() as f64 * self.period_s;
         let (pressure_bar, truth) = self.bench.step(command_a);
         self.truth_bar.push(truth);
-        Ok(Sample {
-            time_s,
-            pressure_bar,
-            current_a: None,
-            oil_temp_c: None,
-            supply_bar: None,
-            quality: Quality::Good,
-            lateness_s: 0.0,
-            round_trip_s: 0.0,
-            missed_slots: 0,
-        })
+        Ok(Sample::simulated(time_s, pressure_bar))
     }
 
     fn make_safe(&mut self) -> Result<SafeState, RigError> {

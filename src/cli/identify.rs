@@ -1,10 +1,9 @@
 //! `hil identify`: from recordings of a valve to its model.
 
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use sha2::{Digest, Sha256};
 
 use super::jobs::JobsArgs;
 use super::outputs::{Force, VALVE};
@@ -12,6 +11,7 @@ use super::progress::Working;
 use super::reading::ReadArgs;
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
+use crate::digest;
 use crate::identify::{HysteresisChoice, Options, identify_courses};
 use crate::output::{Mark, Outputs};
 use crate::recording::replace_file;
@@ -123,15 +123,5 @@ fn store(path: &Path, text: &str) -> Result<(), CliError> {
 
 /// SHA-256 of a file's bytes, hex.
 pub(super) fn sha256(path: &Path) -> Result<String, CliError> {
-    let wrong = |e: std::io::Error| CliError::input(format!("{}: {e}", path.display()));
-    let mut file = std::fs::File::open(path).map_err(wrong)?;
-    let mut hash = Sha256::new();
-    let mut block = vec![0; 1 << 18];
-    loop {
-        match file.read(&mut block).map_err(wrong)? {
-            0 => break,
-            n => hash.update(&block[..n]),
-        }
-    }
-    Ok(hash.finalize().iter().map(|b| format!("{b:02x}")).collect())
+    digest::sha256_of_file(path).map_err(|e| CliError::input(format!("{}: {e}", path.display())))
 }

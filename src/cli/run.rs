@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use sha2::{Digest, Sha256};
 
 use super::answers::Answers;
 use super::on_wire::{self, WireArgs};
 use super::outputs::{Force, RUN};
 use super::progress::Bar;
 use super::{CliError, CliResult, exit, files, run_folder};
+use crate::digest;
 use crate::document;
 use crate::output::Outputs;
 use crate::physics::{PhysicsError, resolve};
@@ -200,7 +200,7 @@ fn formatted(format: Format, record: &TestRecord, trace: &Trace) -> String {
 /// SHA-256 of a document's bytes, hex.
 pub fn sha256(path: &Path) -> Result<String, CliError> {
     let text = document::read(path).map_err(CliError::input)?;
-    Ok(Sha256::digest(text.as_bytes()).iter().map(|b| format!("{b:02x}")).collect())
+    Ok(digest::sha256(text))
 }
 
 /// A flag that the first signal sets that would end or stop the program.

@@ -9,10 +9,9 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use sha2::{Digest, Sha256};
-
 use super::FleetError;
 use super::row::{Row, Status};
+use crate::digest;
 use crate::recording::replace_file;
 
 /// What decides whether a job is done: recording, model, version.
@@ -79,7 +78,7 @@ impl Store {
     /// # Errors
     /// What the file system says; the row is then not there.
     pub fn keep(&self, mut row: Row, files: &[(&str, &str)]) -> Result<(), FleetError> {
-        let digest = hex(&Sha256::digest(row.id.as_bytes()));
+        let digest = digest::sha256(&row.id);
         let place = PathBuf::from("answers").join(&digest[..2]).join(file_name(&row.id, &digest));
         for (extension, text) in files {
             let path = self.folder.join(place.with_extension(extension));
@@ -112,20 +111,6 @@ impl Store {
 fn file_name(id: &str, digest: &str) -> String {
     let plain: String = id.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' }).take(60).collect();
     format!("{plain}-{}.x", &digest[..10])
-}
-
-/// SHA-256 of a file's bytes as hexadecimal digits.
-///
-/// # Errors
-/// What the file system says.
-pub fn sha256(path: &Path) -> std::io::Result<String> {
-    let mut hash = Sha256::new();
-    std::io::copy(&mut File::open(path)?, &mut hash)?;
-    Ok(hex(&hash.finalize()))
-}
-
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// Calls `take` with every whole row of a folder, segment by segment in the order of their names.

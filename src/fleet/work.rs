@@ -6,12 +6,12 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
 use super::FleetError;
 use super::list::{Job, ModelSource};
 use super::row::{Row, Status};
-use super::store::{Store, hex, sha256};
+use super::store::Store;
+use crate::digest;
 
 /// What a worker is asked to do.
 pub trait Task: Sync {
@@ -187,14 +187,14 @@ fn blank<T: Task>(task: &T, job: &Job, attempt: u32) -> Row {
 
 /// What the answer will depend on.
 fn digests<T: Task>(task: &T, job: &Job, shared: &Shared<T::Model>, files: &Files, row: &mut Row) -> Result<(), String> {
-    let digest = |path: &PathBuf| sha256(path).map_err(|e| format!("{}: {e}", path.display()));
+    let digest = |path: &PathBuf| digest::sha256_of_file(path).map_err(|e| format!("{}: {e}", path.display()));
     row.recording_sha256 = Some(match &job.group {
         None => digest(&job.recording)?,
         // One file stands for many jobs; it is read for its digest once.
         Some(group) => {
             let whole = lock(files).entry(job.recording.clone()).or_default().clone();
             let whole = whole.get_or_init(|| digest(&job.recording)).clone()?;
-            hex(&Sha256::digest(format!("{whole} {} {}", group.column, group.value)))
+            digest::sha256(format!("{whole} {} {}", group.column, group.value))
         }
     });
     if task.needs_model() {

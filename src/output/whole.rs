@@ -6,8 +6,6 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use sha2::{Digest, Sha256};
-
 /// End of the name of a file that is being written.
 const PART: &str = ".part";
 
@@ -118,8 +116,7 @@ pub fn folder_name(text: &str) -> String {
         return text.into();
     }
     let readable: String = text.chars().take(32).map(|c| if c.is_ascii_alphanumeric() || "-_+#".contains(c) { c } else { '_' }).collect();
-    let digest: String = Sha256::digest(text.as_bytes()).iter().take(8).map(|b| format!("{b:02x}")).collect();
-    format!("{readable}~{digest}")
+    format!("{readable}~{}", &crate::digest::sha256(text)[..16])
 }
 
 /// Removes what killed writers left in a folder; a part whose writer lives is locked and stays.

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde::Deserialize;
-use sha2::{Digest, Sha256};
 use toml::Spanned;
 use toml::de::{DeTable, Deserializer};
 
@@ -17,6 +16,7 @@ use super::{
     Attempts, ControllerFile, Interlocks, Level, LevelKind, Measure, Phase, Plan, PlanError, Preconditions, RetryOn, Role, Source,
     TimingLimits,
 };
+use crate::digest;
 use crate::document;
 use crate::limits::Limit;
 use crate::metrics::MetricSpec;
@@ -118,7 +118,7 @@ fn checked(file: PlanFile, source: Source, overridden: Vec<String>) -> Result<Pl
     Ok(Plan {
         name: file.name.get_ref().clone(),
         description: file.description,
-        sha256: Sha256::digest(source.text.as_bytes()).iter().map(|b| format!("{b:02x}")).collect(),
+        sha256: digest::sha256(&source.text),
         period_s,
         parameters: file.parameters.iter().map(|(name, value)| (name.clone(), value.to_string())).collect(),
         overridden,

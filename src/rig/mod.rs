@@ -100,6 +100,23 @@ pub struct Sample {
     pub missed_slots: u32,
 }
 
+impl Sample {
+    /// A good reading of the pressure alone, on time, as a simulation gives it.
+    pub fn simulated(time_s: f64, pressure_bar: f64) -> Self {
+        Self {
+            time_s,
+            pressure_bar,
+            current_a: None,
+            oil_temp_c: None,
+            supply_bar: None,
+            quality: Quality::Good,
+            lateness_s: 0.0,
+            round_trip_s: 0.0,
+            missed_slots: 0,
+        }
+    }
+}
+
 /// The outcome of an attempt to reach the safe state.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SafeState {

@@ -1,6 +1,6 @@
 //! A simulated valve as a rig: no clock, no bus, the same bytes for the same seed.
 
-use super::{Quality, Rig, RigError, RigIdentity, SafeState, Sample};
+use super::{Rig, RigError, RigIdentity, SafeState, Sample};
 use crate::physics::{PhysicsError, Plant};
 use crate::valve::Valve;
 
@@ -40,17 +40,7 @@ impl Rig for SimulatedRig {
             pressure_bar = self.plant.step(command_a);
             self.slot += 1;
         }
-        Ok(Sample {
-            time_s: (self.slot - 1) as f64 * self.period_s,
-            pressure_bar,
-            current_a: None,
-            oil_temp_c: None,
-            supply_bar: None,
-            quality: Quality::Good,
-            lateness_s: 0.0,
-            round_trip_s: 0.0,
-            missed_slots: 0,
-        })
+        Ok(Sample::simulated((self.slot - 1) as f64 * self.period_s, pressure_bar))
     }
 
     fn make_safe(&mut self) -> Result<SafeState, RigError> {

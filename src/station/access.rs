@@ -10,6 +10,7 @@ use axum::http::{HeaderMap, Method, StatusCode};
 use sha2::{Digest, Sha256};
 
 use super::StationError;
+use crate::digest;
 
 /// Shortest token that is taken.
 pub(super) const SHORTEST: usize = 16;
@@ -62,7 +63,7 @@ impl Token {
 impl From<String> for Token {
     /// Derived values are the same after a restart with the same token, so that a browser stays where it is.
     fn from(text: String) -> Self {
-        let derive = |what: &str| Sha256::digest(format!("hil station {what} {text}")).iter().map(|b| format!("{b:02x}")).collect();
+        let derive = |what: &str| digest::sha256(format!("hil station {what} {text}"));
         Self { cookie: derive("cookie"), act: derive("act"), text }
     }
 }

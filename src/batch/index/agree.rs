@@ -78,5 +78,5 @@ pub(super) fn seal(db: &Connection, segment: i64) -> rusqlite::Result<String> {
             hash.update(format!("{:?};", row.get_ref(k)?));
         }
     }
-    Ok(hash.finalize().iter().map(|b| format!("{b:02x}")).collect())
+    Ok(crate::digest::hex(hash))
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::super::batch::{hex, now};
+use super::super::batch::now;
 use super::super::{CliError, batch_folder, batch_open, last_word};
 use super::StationArgs;
 use super::diagnosing::Diagnosing;
@@ -14,6 +14,7 @@ use super::seats::{BY_OPERATOR, Seats, lock, origin};
 use super::session::{Session, today};
 use super::shelf::Shelf;
 use crate::batch::station::Station;
+use crate::digest;
 use crate::output::make_folder;
 use crate::record::Outcome;
 use crate::report;
@@ -301,7 +302,7 @@ impl Conduct for Floor {
                 })
             });
             json!({
-                "id": hex(summary.batch.plan_sha256.as_bytes())[..8], "origin": origin(summary.origin), "counts": summary.counts,
+                "id": digest::sha256(&summary.batch.plan_sha256)[..8], "origin": origin(summary.origin), "counts": summary.counts,
                 "first_pass": summary.first_pass, "final_yield": summary.final_yield, "pareto": summary.pareto,
                 "valves": summary.valves.len(), "metrics": metrics.collect::<Vec<_>>(),
             })

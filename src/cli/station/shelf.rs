@@ -6,11 +6,11 @@ use std::sync::Mutex;
 
 use serde_json::{Value, json};
 
-use super::super::batch::hex;
 use super::super::batch_folder::attempt_folder;
 use super::super::run_folder::read_trace;
 use super::seats::lock;
 use crate::batch::index::{Index, Query};
+use crate::digest;
 use crate::record::TestRecord;
 use crate::report;
 use crate::station::Refused;
@@ -26,7 +26,7 @@ pub struct Shelf {
 
 /// The id of an attempt's record.
 pub fn id(batch: &str, serial: &str, attempt: u32) -> String {
-    hex(format!("{batch}\n{serial}\n{attempt}").as_bytes())[..24].to_string()
+    digest::sha256(format!("{batch}\n{serial}\n{attempt}"))[..24].to_string()
 }
 
 impl Shelf {

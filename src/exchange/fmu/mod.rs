@@ -98,9 +98,7 @@ impl Export {
 
 /// What tells one exported model from another: a digest of the model, its part and its step, hex.
 pub fn token(valve_text: &str, part: Part, step_s: f64) -> String {
-    use sha2::{Digest, Sha256};
-    let digest = Sha256::new().chain_update(valve_text).chain_update(part.name()).chain_update(step_s.to_le_bytes()).finalize();
-    digest.iter().map(|b| format!("{b:02x}")).collect()
+    crate::digest::sha256([valve_text.as_bytes(), part.name().as_bytes(), &step_s.to_le_bytes()].concat())
 }
 
 /// The library that goes into an FMU: beside the program, or in `../lib/hil/` as packages lay it.

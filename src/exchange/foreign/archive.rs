@@ -3,10 +3,9 @@
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
-
 use super::ForeignError;
 use super::description::Description;
+use crate::digest;
 
 /// Largest file, and most that may be unpacked [bytes].
 const LARGEST: u64 = 512 << 20;
@@ -36,7 +35,7 @@ impl ForeignFmu {
             return Err(wrong(format!("{size} bytes; up to {LARGEST} are read")));
         }
         let bytes = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
-        let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+        let sha256 = digest::sha256(&bytes);
         let mut zip = zip::ZipArchive::new(Cursor::new(&bytes)).map_err(|e| wrong(format!("is no FMU: {e}")))?;
         let mut text = String::new();
         let entry = zip.by_name("modelDescription.xml").map_err(|_| wrong("holds no modelDescription.xml".into()))?;

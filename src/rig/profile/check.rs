@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use sha2::{Digest, Sha256};
-
 use super::blocks::transaction;
 use super::guards;
 use super::*;
+use crate::digest;
 use crate::units::{CURRENT, PRESSURE, Unit};
 
 /// Longest time that a device watchdog may wait.
@@ -67,7 +66,7 @@ pub(super) fn check(file: ProfileFile, text: &str, source_name: &str) -> Result<
     }
     Ok(Profile {
         name: std::path::Path::new(source_name).file_name().map_or(source_name.into(), |n| n.to_string_lossy().into_owned()),
-        sha256: Sha256::digest(text.as_bytes()).iter().map(|b| format!("{b:02x}")).collect(),
+        sha256: digest::sha256(text),
         role,
         device,
         transport,

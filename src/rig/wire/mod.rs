@@ -135,17 +135,7 @@ pub fn open(profile: &Profile, endpoint: &Endpoint, period_s: f64, options: Opti
         _ => None,
     };
     let driver = Device::new(profile.clone(), bus(&profile, endpoint, clock)?, first_token(), period_s);
-    let nothing = Sample {
-        time_s: 0.0,
-        pressure_bar: f64::NAN,
-        current_a: None,
-        oil_temp_c: None,
-        supply_bar: None,
-        quality: Quality::Held,
-        lateness_s: 0.0,
-        round_trip_s: 0.0,
-        missed_slots: 0,
-    };
+    let nothing = Sample { quality: Quality::Held, ..Sample::simulated(0.0, f64::NAN) };
     let mut rig = WireRig {
         driver,
         source,
