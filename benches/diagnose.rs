@@ -14,7 +14,10 @@ use hil::recording::{Recording, Run};
 use hil::valve::{Input, Valve};
 
 // The fits of the search are no part of the library's interface: its own files are compiled in.
-use hil::{course, physics, valve};
+use hil::{course, least_squares, physics, valve};
+#[path = "../src/diagnose/base.rs"]
+#[allow(dead_code, unused_imports)]
+mod base;
 #[path = "../src/diagnose/criteria.rs"]
 #[allow(dead_code)]
 mod criteria;
@@ -43,10 +46,10 @@ mod model;
 #[allow(dead_code)]
 mod screen;
 
-#[path = "diagnose/least_squares.rs"]
-mod least_squares;
+#[path = "diagnose/plain_fit.rs"]
+mod plain_fit;
 
-use least_squares::Problem;
+use plain_fit::Problem;
 
 /// Samples of the drive, and its time step [s].
 const SAMPLES: usize = 12_000;

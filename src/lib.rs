@@ -28,6 +28,8 @@ pub mod metrics;
 
 pub mod limits;
 
+pub mod least_squares;
+
 pub mod identify;
 
 pub mod plan;

@@ -15,6 +15,7 @@ use super::journal::{self, Kind, Line, Place};
 use super::tally::measurements;
 
 mod agree;
+mod seal;
 
 /// Name of the file in the folder that it indexes.
 pub const FILE: &str = "index.sqlite";
@@ -354,7 +355,7 @@ fn read_new(
         .map_err(fail)?;
     let (_, end) =
         journal::read_segment(folder, number, read_to as u64, |place, line| insert(transaction, segment, place, &line).map_err(fail))?;
-    let seal = agree::seal(transaction, segment).map_err(fail)?;
+    let seal = seal::seal(transaction, segment).map_err(fail)?;
     transaction.execute("UPDATE segment SET read_to = ?1, seal = ?2 WHERE id = ?3", params![end as i64, seal, segment]).map_err(fail)?;
     Ok(())
 }

@@ -2,9 +2,9 @@
 
 use rand::RngExt;
 
-use super::draw::Case;
+use super::case::Case;
+use super::chance::{normal, stream, uniform};
 use super::session::{Session, record_session};
-use super::specimen::{normal, stream, uniform};
 
 /// What has been done to a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]

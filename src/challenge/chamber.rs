@@ -2,7 +2,7 @@
 //!
 //! Input is the pressure that the spool asks for, output the pressure in the chamber where the sensor sits.
 
-use super::specimen::STEP_S;
+use super::anatomy::STEP_S;
 
 /// One dynamic fault behind the spool.
 #[derive(Debug, Clone)]

@@ -5,25 +5,9 @@
 
 use rand_pcg::Pcg64;
 
+use super::chance::uniform;
+use super::forms::CurveForm;
 use super::formulation::{CURVES, Formulations};
-use super::specimen::uniform;
-
-/// Form of the static curve.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum CurveForm {
-    /// Force of a saturating solenoid: `i^2 / (1 + (i/i_s)^n)^(1/n)`.
-    Solenoid,
-    /// S-shaped: a logistic function, the iron saturates at both ends of the stroke.
-    Logistic,
-    /// A power of the current above the onset.
-    Power,
-    /// Two springs: the slope changes where the second one bears.
-    TwoSprings,
-    /// Bends over like an exponential.
-    Saturating,
-    /// Nearly straight, with a wave from the shape of the notches.
-    Notched,
-}
 
 /// `P(i) = soft(k (f(i) - f(low)))`, floored at tank pressure with the soft knee of the notches.
 #[derive(Debug, Clone)]
@@ -103,7 +87,7 @@ impl Curve {
 
 #[cfg(test)]
 mod tests {
-    use super::super::specimen::stream;
+    use super::super::chance::stream;
     use super::*;
 
     #[test]

@@ -3,7 +3,8 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::specimen::{STEP_S, uniform};
+use super::anatomy::STEP_S;
+use super::chance::uniform;
 
 /// A first-in-first-out line of the plant's time steps: dead time that may change while signals are under way.
 #[derive(Debug, Clone)]
@@ -125,7 +126,7 @@ impl Coil {
 
 #[cfg(test)]
 mod tests {
-    use super::super::specimen::stream;
+    use super::super::chance::stream;
     use super::*;
 
     #[test]

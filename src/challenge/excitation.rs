@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::specimen::{normal, uniform};
+use super::chance::{normal, uniform};
 
 /// Kind of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -219,8 +219,8 @@ impl Pen {
 
 #[cfg(test)]
 mod tests {
+    use super::super::chance::stream;
     use super::super::formulation::{DRIVES, Formulations};
-    use super::super::specimen::stream;
     use super::*;
 
     #[test]

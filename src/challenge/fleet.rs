@@ -5,12 +5,14 @@ use rand::RngExt;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::draw::Concealed;
+use super::anatomy::Anatomy;
+use super::case::Concealed;
+use super::chance::{stream, uniform};
 use super::excitation::{self, Drive};
 use super::formulation::Formulations;
 use super::plant::Plant;
 use super::session::open_loop;
-use super::specimen::{Anatomy, Specimen, stream, uniform};
+use super::specimen::Specimen;
 use crate::recording::Run;
 
 /// Effects that set in with wear.

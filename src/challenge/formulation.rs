@@ -3,10 +3,10 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::curve::CurveForm;
+use super::controller::Controller;
 use super::excitation::Drive;
-use super::memory::LoopForm;
-use super::session::Controller;
+use super::forms::CurveForm;
+use super::forms::LoopForm;
 
 /// Ids of the effects that this plant can conceal, with the two ways in which it makes them.
 const FORMULATIONS: [(&str, [&str; 2]); 22] = [

@@ -7,7 +7,8 @@
 
 use rand_pcg::Pcg64;
 
-use super::specimen::{STEP_S, uniform};
+use super::anatomy::STEP_S;
+use super::chance::uniform;
 
 /// Fine steps within a step of the plant: the spool swings at some 100 Hz, the chamber settles in milliseconds.
 const FINE: u32 = 5;
@@ -168,7 +169,7 @@ impl Hydraulics {
 
 #[cfg(test)]
 mod tests {
-    use super::super::specimen::stream;
+    use super::super::chance::stream;
     use super::*;
 
     #[test]

@@ -1,6 +1,6 @@
 //! Hysteresis as a current that is lost on the way, which follows a law over the travel of the current.
 
-use super::memory::LoopForm;
+use super::forms::LoopForm;
 
 /// The lost current, between minus and plus the half width of the loop.
 #[derive(Debug, Clone)]

@@ -3,6 +3,7 @@
 //! Each turns the coil current into the current that the spool "feels", or into pressure, and keeps what it remembers.
 
 use super::curve::Curve;
+use super::forms::LoopForm;
 use super::lost::Lost;
 use super::reversals::Reversals;
 use super::specimen::Specimen;
@@ -21,56 +22,6 @@ impl Play {
     pub(super) fn step(&mut self, input_a: f64) -> f64 {
         self.output_a = self.output_a.clamp(input_a - self.radius_a, input_a + self.radius_a);
         self.output_a
-    }
-}
-
-/// Form of the static hysteresis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum LoopForm {
-    /// The gap to the branch decays with its reciprocal: looks like a hyperbola.
-    Reciprocal,
-    /// A sum of play operators (Prandtl-Ishlinskii): remembers every reversal.
-    Play,
-    /// Dahl friction between coil force and spool.
-    Dahl,
-    /// Preisach, with a density that changes along the current.
-    Preisach,
-    /// Bouc and Wen.
-    BoucWen,
-    /// Branches of the form of a hyperbolic tangent over the travel since the reversal.
-    Tanh,
-    /// Duhem, as Coleman and Hodgdon wrote it.
-    Duhem,
-    /// Bristles after LuGre, with Stribeck's fall of the friction at rest.
-    LuGre,
-    /// Jiles and Atherton: walls pinned in iron.
-    JilesAtherton,
-}
-
-impl LoopForm {
-    /// The number that stands in the truth file: 1 remembers every reversal, so that more memory or a dead band is
-    /// no error to name; 0 looks like the hyperbola; 2 is another.
-    pub(super) fn number(self) -> u8 {
-        match self {
-            Self::Reciprocal => 0,
-            Self::Play | Self::Preisach => 1,
-            _ => 2,
-        }
-    }
-
-    /// The word of the truth file.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Reciprocal => "reciprocal",
-            Self::Play => "prandtl_ishlinskii",
-            Self::Dahl => "dahl",
-            Self::Preisach => "preisach",
-            Self::BoucWen => "bouc_wen",
-            Self::Tanh => "tanh",
-            Self::Duhem => "duhem",
-            Self::LuGre => "lugre",
-            Self::JilesAtherton => "jiles_atherton",
-        }
     }
 }
 
@@ -145,8 +96,8 @@ impl Memory {
 
 #[cfg(test)]
 mod tests {
+    use super::super::anatomy::Anatomy;
     use super::super::formulation::Formulations;
-    use super::super::specimen::Anatomy;
     use super::*;
 
     fn loop_of(valve: &Specimen, low: f64, high: f64) -> (f64, f64, bool) {

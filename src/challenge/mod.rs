@@ -9,15 +9,20 @@
 //! The seed draws a specimen and what is wrong with it, the recordings are written, and the truth goes into a
 //! sealed file whose digest is known before anybody diagnoses anything. `docs/proof.md` explains it to a sceptic.
 
+mod anatomy;
 mod bench;
 mod broken;
+mod case;
 mod chamber;
+mod chance;
+mod controller;
 mod curve;
 mod draw;
 mod driver;
 mod excitation;
 mod files;
 mod fleet;
+mod forms;
 mod formulation;
 mod hydraulics;
 mod lost;
@@ -36,16 +41,18 @@ mod table;
 mod trial;
 mod unknown;
 
+pub use anatomy::Anatomy;
 pub use bench::Bench;
 pub use broken::{BROKEN, Broken, break_record};
-pub use draw::{Case, Concealed, Grade, Range, UNKNOWN, draw_healthy, draw_series, placed};
+pub use case::{Case, Concealed, Grade, UNKNOWN};
+pub use controller::Controller;
+pub use draw::{Range, draw_healthy, draw_series, placed};
 pub use excitation::Drive;
 pub use files::{ChallengeError, write_run, write_text};
 pub use fleet::{Fleet, FleetValve, draw_fleet, tells};
 pub use formulation::{EFFECTS, Formulations, formulation};
 pub use score::{Answer, Estimate, Misfit, Named, Outcome, Score, Verdict, score};
 pub use seal::{Seal, truth_of};
-pub use session::{Controller, Session, record_session};
-pub use specimen::Anatomy;
+pub use session::{Session, record_session};
 pub use table::{Curve, Share, Table, tabulate};
 pub use trial::{Contestant, Trial, hold_trial};

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::draw::Case;
+use super::case::Case;
 use super::memory::Play;
 use super::session::healthy_sweep;
 

@@ -2,13 +2,15 @@
 
 use rand_pcg::Pcg64;
 
+use super::anatomy::{Anatomy, STEP_S};
+use super::case::Concealed;
 use super::chamber::Volume;
-use super::draw::Concealed;
+use super::chance::{stream, uniform};
 use super::driver::{Coil, DeadTime, Heating, Jitter};
 use super::hydraulics::Hydraulics;
 use super::memory::Memory;
 use super::sensor::{Sensor, SensorFault};
-use super::specimen::{Anatomy, STEP_S, Specimen, stream, uniform};
+use super::specimen::Specimen;
 use super::spool::Friction;
 use super::supply::{Ripple, Supply};
 use super::unknown::Unknown;

@@ -1,6 +1,6 @@
 //! One answer held against the truth.
 
-use super::draw::{Case, UNKNOWN};
+use super::case::{Case, UNKNOWN};
 use super::session::planted;
 
 /// What a diagnosis says about the whole of a recording.
@@ -228,7 +228,8 @@ fn same(a: &str, b: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::draw::{Concealed, placed};
+    use super::super::case::Concealed;
+    use super::super::draw::placed;
     use super::*;
 
     fn case_of(ids: &[&'static str]) -> Case {

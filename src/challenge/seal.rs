@@ -1,7 +1,7 @@
 //! The sealed truth: one text, whose digest is told before anybody is asked.
 
-use super::draw::Case;
-use super::session::Controller;
+use super::case::Case;
+use super::controller::Controller;
 use crate::digest;
 
 /// The truth of a series as text, and its SHA-256.

@@ -3,7 +3,9 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::specimen::{STEP_S, Specimen, normal};
+use super::anatomy::STEP_S;
+use super::chance::normal;
+use super::specimen::Specimen;
 
 /// One fault of the sensor.
 #[derive(Debug, Clone)]
@@ -98,8 +100,9 @@ impl Sensor {
 
 #[cfg(test)]
 mod tests {
+    use super::super::anatomy::Anatomy;
+    use super::super::chance::stream;
     use super::super::formulation::Formulations;
-    use super::super::specimen::{Anatomy, stream};
     use super::*;
 
     #[test]

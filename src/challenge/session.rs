@@ -2,33 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::draw::{Case, Concealed};
+use super::case::{Case, Concealed};
+use super::chance::{stream, uniform};
+use super::controller::Controller;
 use super::excitation::{self, Drive};
 use super::plant::Plant;
-use super::specimen::{Specimen, stream, uniform};
+use super::specimen::Specimen;
 use crate::recording::Run;
-
-/// Who closes the loop.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Controller {
-    /// Feed-forward by a calibration that is a little off, and PI above 6 bar against the target of a delay ago.
-    FeedForwardPi,
-    /// PI alone, from the mean slope of the curve.
-    Pi,
-    /// Feed-forward without hysteresis, and an output that moves by fixed steps while the error is beyond a band.
-    ThreeStep,
-}
-
-impl Controller {
-    /// The word of the truth file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::FeedForwardPi => "feed_forward_pi",
-            Self::Pi => "pi",
-            Self::ThreeStep => "three_step",
-        }
-    }
-}
 
 /// The recordings of one valve.
 #[derive(Debug, Clone)]

@@ -5,8 +5,9 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
+use super::anatomy::STEP_S;
+use super::chance::uniform;
 use super::memory::Play;
-use super::specimen::{STEP_S, uniform};
 
 /// One fault of the spool.
 #[derive(Debug, Clone)]

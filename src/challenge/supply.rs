@@ -2,7 +2,8 @@
 
 use rand_pcg::Pcg64;
 
-use super::specimen::{STEP_S, normal, uniform};
+use super::anatomy::STEP_S;
+use super::chance::{normal, uniform};
 
 /// Supply pressure over time, where it limits.
 #[derive(Debug, Clone)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::draw::{Grade, UNKNOWN};
+use super::case::{Grade, UNKNOWN};
 use super::score::{Outcome, Verdict};
 use super::trial::Trial;
 
@@ -160,7 +160,8 @@ fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::draw::{Case, Concealed, placed};
+    use super::super::case::{Case, Concealed};
+    use super::super::draw::placed;
     use super::super::score::{Answer, Misfit, Named};
     use super::*;
 

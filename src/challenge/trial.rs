@@ -1,6 +1,6 @@
 //! One case held against one contestant: record, ask, then look.
 
-use super::draw::Case;
+use super::case::Case;
 use super::score::{Answer, Misfit, Score, score};
 use super::session::record_session;
 use crate::recording::Run;
@@ -85,7 +85,8 @@ fn misfit_bar(simulated: &[f64], measured: &[f64]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::draw::{Concealed, placed};
+    use super::super::case::Concealed;
+    use super::super::draw::placed;
     use super::super::score::{Outcome, Verdict};
     use super::*;
 

@@ -3,7 +3,8 @@
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use super::specimen::{STEP_S, normal, uniform};
+use super::anatomy::STEP_S;
+use super::chance::{normal, uniform};
 
 /// A disturbance from outside the valve's own physics, added to the pressure behind the spool.
 #[derive(Debug, Clone)]
@@ -52,7 +53,7 @@ impl Unknown {
                 since_s: f64::INFINITY,
                 until_s: 1.0,
                 sign: 1.0,
-                rng: super::specimen::stream(rng.random::<u64>(), 78),
+                rng: super::chance::stream(rng.random::<u64>(), 78),
             },
             4 => Self::Toggle { bar: 0.8 * severity, side: 1.0, now: 0.0, turns: 0, turned_bar: 0.0, rising: true },
             5 => Self::Rectifier { bar: 0.45 * severity, slow_bar: 5.0, lively: 0.0 },
@@ -69,7 +70,7 @@ impl Unknown {
                 let steps = (uniform(rng, 0.35, 0.9) / STEP_S) as usize;
                 Self::Echo { share: 0.3 * severity, past: std::iter::repeat_n(0.0, steps).collect(), slow_bar: 5.0 }
             }
-            8 => Self::Wander { share: 0.05 * severity, now: 0.0, slow: 0.0, rng: super::specimen::stream(rng.random::<u64>(), 79) },
+            8 => Self::Wander { share: 0.05 * severity, now: 0.0, slow: 0.0, rng: super::chance::stream(rng.random::<u64>(), 79) },
             9 => {
                 let from_bar = uniform(rng, 8.0, 16.0);
                 let to_bar = from_bar + uniform(rng, 4.0, 8.0);
@@ -78,7 +79,7 @@ impl Unknown {
             10 => Self::Rebound { bar: 1.5 * severity, slow_bar: 5.0, state: 0.0, speed: 0.0, hz: uniform(rng, 0.5, 1.2) },
             _ => {
                 let seed = rng.random::<u64>();
-                Self::Seats { bar: 1.1 * severity, now: 0.0, goal: 0.0, until_s: 2.0, clock_s: 0.0, rng: super::specimen::stream(seed, 77) }
+                Self::Seats { bar: 1.1 * severity, now: 0.0, goal: 0.0, until_s: 2.0, clock_s: 0.0, rng: super::chance::stream(seed, 77) }
             }
         }
     }

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::CliError;
+use super::lock::lock;
 use crate::document;
 use crate::plan::{Answer, Phase, Plan, Prompt};
 use crate::runner::{Attendant, Reply};
@@ -191,8 +192,4 @@ fn read_a_line() {
             let _ = send.send(text);
         }
     });
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,140 +1,24 @@
 //! `hil batch`: a plan on many valves, every attempt kept, statistics and a page at the end.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::Args;
-
 use super::answers::Answers;
+use super::batch_args::{BatchArgs, Format, ValveReports};
 use super::batch_bench::Bench;
+use super::batch_error::failed;
 use super::batch_folder;
 use super::batch_open::{self, Opened};
-use super::batch_prompt::{Entries, Prompted, Seen, lock};
-use super::outputs::Force;
-use super::run::{exit_code, key_value, stop_on_signals};
+use super::batch_prompt::{Entries, Prompted, Seen};
+use super::clock::now;
+use super::lock::lock;
+use super::run::{exit_code, stop_on_signals};
 use super::seat::Alone;
 use super::{CliError, CliResult, exit};
-use crate::batch::BatchError;
 use crate::batch::campaign::{self, Confirmed, Job, Retry, Rules};
 use crate::batch::store::Loaded;
-use crate::plan::Override;
 use crate::record::{Dut, Outcome};
 use crate::report;
-
-/// Arguments of `hil batch`.
-#[derive(Debug, Args)]
-pub struct BatchArgs {
-    /// Plan file, or a bare name.
-    pub plan: PathBuf,
-    /// CSV file with the valves: serial, part_number, revision, lot.
-    #[arg(long, value_name = "FILE", group = "valves")]
-    pub duts: Option<PathBuf>,
-    /// So many valves of a simulated population.
-    #[arg(long, value_name = "N", group = "valves", requires = "sim")]
-    pub count: Option<usize>,
-    /// Enter the valves one by one, with a scanner or a keyboard; `.` ends the batch.
-    #[arg(long, group = "valves")]
-    pub prompt: bool,
-    /// Part number of valves that come without one.
-    #[arg(long)]
-    pub part_number: Option<String>,
-    /// Revision of valves that come without one.
-    #[arg(long)]
-    pub revision: Option<String>,
-    /// Lot of valves that come without one.
-    #[arg(long)]
-    pub lot: Option<String>,
-    /// Where and on what is tested.
-    #[command(flatten)]
-    pub rig: super::batch_bench::RigArgs,
-    /// Simulated population: declared spread around the valve.
-    #[arg(long, value_name = "FILE", requires = "sim")]
-    pub population: Option<PathBuf>,
-    /// Change a parameter of the plan.
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
-    pub set: Vec<Override>,
-    /// Limits file of the part, replacing the plan's limits.
-    #[arg(long, value_name = "FILE")]
-    pub limits: Option<PathBuf>,
-    /// Station file: instruments, calibration, oil, supply, master valves.
-    #[arg(long, value_name = "FILE")]
-    pub station: Option<PathBuf>,
-    /// Who tests.
-    #[arg(long)]
-    pub operator: Option<String>,
-    /// Test although a calibration has run out; the reason goes into the records.
-    #[arg(long, value_name = "REASON")]
-    pub override_calibration: Option<String>,
-    /// File with the answers to the questions of the plan; without it they are asked at the terminal.
-    #[arg(long, value_name = "FILE")]
-    pub answers: Option<PathBuf>,
-    /// Seed of everything random.
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// Go on with the batch in the folder after a crash or a stop; interrupted attempts are closed as ABORTED.
-    #[arg(long)]
-    pub resume: bool,
-    /// With --resume: test valves that have no verdict (ABORTED, ERROR, INVALID) again, as a further attempt.
-    #[arg(long, requires = "resume")]
-    pub retest: bool,
-    /// Simulated valves at once; both cores by default.
-    #[arg(long, value_name = "N")]
-    pub threads: Option<usize>,
-    /// Folder of the batch; by default a new one under reports/runs/, with --resume the last one there.
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// A folder of earlier batches: valves that have passed there are refused.
-    #[arg(long, value_name = "DIR")]
-    pub known: Option<PathBuf>,
-    /// Which valves get a folder with report and trace of their own; of simulated ones all up to 100, `failed` up to 1000, else none.
-    #[arg(long, value_enum)]
-    pub valve_reports: Option<ValveReports>,
-    /// Existing files.
-    #[command(flatten)]
-    pub force: Force,
-    /// What is printed on stdout.
-    #[arg(long, value_enum, default_value_t)]
-    pub format: Format,
-}
-
-/// Which valves get a folder of their own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum ValveReports {
-    /// Every attempt.
-    All,
-    /// Attempts that were not accepted.
-    Failed,
-    /// None.
-    None,
-}
-
-/// What is printed on stdout.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
-    /// A report for a terminal.
-    #[default]
-    Text,
-    /// The batch with its statistics.
-    Json,
-    /// A report for a mail or a pull request.
-    Markdown,
-    /// JUnit XML.
-    Junit,
-    /// The page.
-    Html,
-}
-
-/// What can end a batch, as an exit code.
-pub fn failed(error: BatchError) -> CliError {
-    match error {
-        BatchError::Input(_) | BatchError::Exists { .. } | BatchError::Mismatch { .. } => CliError::input(error),
-        BatchError::Store { .. } | BatchError::NotReadBack { .. } | BatchError::Busy { .. } | BatchError::Index { .. } => {
-            CliError::not_stored(error)
-        }
-        BatchError::Rig(_) | BatchError::Gate(_) => CliError::rig(error),
-    }
-}
 
 /// Runs the command.
 pub fn run(args: &BatchArgs) -> CliResult {
@@ -229,11 +113,6 @@ fn remaining(valves: Vec<Dut>, loaded: &Loaded, retry: &Retry, retest: bool) -> 
         }
     };
     valves.into_iter().enumerate().filter_map(job).collect()
-}
-
-/// The present, as the journal writes it.
-pub fn now() -> String {
-    jiff::Timestamp::now().to_string()
 }
 
 /// Tells on stderr what is confirmed: a bar for many valves, a line each for few.

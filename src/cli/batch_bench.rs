@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use clap::Args;
-
-use super::batch::ValveReports;
+use super::batch_args::{RigArgs, ValveReports};
 use super::batch_emulated::Emulated;
 use super::batch_folder::attempt_folder;
 use super::on_wire::{self, WireArgs};
-use super::run::{believed, sha256};
+use super::run::sha256;
 use super::seat::{Company, Seat};
+use super::valves::believed;
 use super::{CliError, exit, files, run_folder};
 use crate::batch::BatchError;
 use crate::batch::campaign::{Job, Retry, Worker};
@@ -31,23 +30,6 @@ use crate::valve::Valve;
 
 /// How often somebody looks at a simulation that goes by the clock.
 const LOOK: std::time::Duration = std::time::Duration::from_millis(20);
-
-/// Where and on what is tested.
-#[derive(Debug, Clone, Args)]
-pub struct RigArgs {
-    /// Run on simulated valves.
-    #[arg(long)]
-    pub sim: bool,
-    /// Driver and line.
-    #[command(flatten)]
-    pub wire: WireArgs,
-    /// A further site with the same driver: its serial port or HOST:PORT. Sites test at once, unless the station's supply is shared.
-    #[arg(long = "site", value_name = "PLACE", requires = "driver", help_heading = "Hardware")]
-    pub sites: Vec<String>,
-    /// Valve file, or the bare name of one in valves/: what is simulated, the middle of the population, what the controller believes in.
-    #[arg(long)]
-    pub valve: Option<String>,
-}
 
 /// What all attempts share.
 pub struct Setup {
@@ -307,7 +289,7 @@ impl Bench<'_> {
             super::note(&format!("site {}: mount {} and press Enter", site + 1, job.dut.serial));
             input.read_line(&mut String::new()).map_err(|e| BatchError::Rig(format!("stdin: {e}")))?;
         }
-        let started = super::batch::now();
+        let started = super::clock::now();
         let (mut record, trace) = self.setup.attempt_seated(site, job.position, job.attempt, &job.dut, self.company.seat(site, job))?;
         if !self.setup.simulated() && self.setup.sites.len() > 1 {
             record.rig.details.push(("site".into(), (site + 1).to_string()));

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::batch::failed;
-use super::diff::DiffFormat;
+use super::batch_error::failed;
+use super::diff_format::DiffFormat;
 use super::{CliError, CliResult, exit};
 use crate::batch::comparison::compare;
 use crate::batch::store::{load, read_header};

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::batch::{BatchArgs, failed, now};
+use super::batch_args::BatchArgs;
 use super::batch_bench::Setup;
+use super::batch_error::failed;
 use super::batch_folder;
+use super::clock::now;
 use super::run::sha256;
 use super::{CliError, files};
 use crate::batch::journal::{Journal, Kind, Line, encode};

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
-use super::batch::BatchArgs;
+use super::batch_args::BatchArgs;
+use super::lock::lock;
 use crate::batch::campaign::Job;
 use crate::batch::index::{Index, Query};
 use crate::batch::store::Loaded;
@@ -87,11 +88,6 @@ impl Prompted {
     pub fn new(entries: Entries, stop: Arc<AtomicBool>) -> Self {
         Self { entries, stop }
     }
-}
-
-/// A thread that panicked leaves the map as it was between two entries.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Iterator for Prompted {

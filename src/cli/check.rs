@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::run::{believed, checked_valve};
+use super::valves::{believed, checked_valve};
 use super::{CliError, CliResult, exit, files};
 use crate::document::{self, nearest};
 use crate::exchange::Attached;

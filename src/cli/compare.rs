@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::outputs::Force;
 use super::reading::ReadArgs;
-use super::run::checked_valve;
+use super::valves::checked_valve;
 use super::{CliError, CliResult, exit, run_folder};
 use crate::output::{Mark, Outputs};
 use crate::physics;

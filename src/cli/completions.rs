@@ -1,6 +1,6 @@
 //! `hil completions`: completion scripts for shells.
 
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 
 use super::CliResult;
 
@@ -12,9 +12,9 @@ pub struct CompletionsArgs {
 }
 
 /// Prints the script.
-pub fn run(args: &CompletionsArgs) -> CliResult {
+pub fn run(args: &CompletionsArgs, program: &mut Command) -> CliResult {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut super::Cli::command(), "hil", &mut script);
+    clap_complete::generate(args.shell, program, "hil", &mut script);
     super::print(&String::from_utf8_lossy(&script))?;
     Ok(super::exit::DONE)
 }

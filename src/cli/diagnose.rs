@@ -1,17 +1,14 @@
 //! `hil diagnose`: where a simulation and a recording differ, what is missing, and how sure that is.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::{Args, ValueEnum};
-
-use super::diagnose_foreign::{self, ForeignArgs, Named};
+use super::diagnose_args::{DiagnoseArgs, Format};
+use super::diagnose_foreign::{self, Named};
 use super::identify::sha256;
-use super::jobs::JobsArgs;
-use super::outputs::{ATTACHED, Force, PLAN, VALVE};
+use super::outputs::{ATTACHED, PLAN, VALVE};
 use super::progress::Working;
-use super::reading::ReadArgs;
-use super::run::checked_valve;
+use super::valves::{checked_valve, name_apart};
 use super::{CliError, CliResult, exit};
 use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story, tell_of_candidates};
 use crate::exchange::{Attached, BaseFile};
@@ -20,65 +17,6 @@ use crate::physics::EFFECTS;
 use crate::recording::{Reading, Recording, RecordingError, Selection, replace_file};
 use crate::report;
 use crate::valve::{Hysteresis, Identification, Valve};
-
-/// What to diagnose.
-#[derive(Debug, Args)]
-pub struct DiagnoseArgs {
-    /// The recording: .csv, .parquet or .mf4; several of one valve share what they show
-    #[arg(required_unless_present = "jobs", conflicts_with = "jobs", value_name = "RECORDING")]
-    pub(super) recordings: Vec<PathBuf>,
-    /// The valve model: a file, or the bare name of one in valves/; or a foreign model, an FMU for co-simulation
-    #[arg(long, value_name = "VALVE|FMU", required_unless_present_any = ["jobs", "simulated"], conflicts_with = "jobs")]
-    pub(super) model: Option<String>,
-    /// A foreign base.
-    #[command(flatten)]
-    pub(super) foreign: ForeignArgs,
-    /// A drive of the good valve, which decides what has changed and what the model never had; several may be given.
-    /// Without it, the recordings that the model was identified from, where they still lie beside it
-    #[arg(long, value_name = "GOOD.csv")]
-    reference: Vec<PathBuf>,
-    /// Writes the model with the effects that were found; every other command takes it
-    #[arg(short = 'o', long, value_name = "AUGMENTED")]
-    output: Option<PathBuf>,
-    /// Writes a page that tells the story
-    #[arg(long, value_name = "FILE.html")]
-    report: Option<PathBuf>,
-    /// Writes the plan of the experiment that would separate what cannot be told apart
-    #[arg(long, value_name = "PLAN")]
-    next_plan: Option<PathBuf>,
-    /// Takes a part out of the model first: an effect's id, `hysteresis` or `delay`
-    #[arg(long, value_name = "PART")]
-    without: Vec<String>,
-    /// Exit with 1 where the verdict is not `match`
-    #[arg(long, value_enum, value_name = "mismatch")]
-    fail_on: Option<FailOn>,
-    /// How the recording is read.
-    #[command(flatten)]
-    pub(super) reading: ReadArgs,
-    /// Many recordings.
-    #[command(flatten)]
-    many: JobsArgs,
-    /// Existing files.
-    #[command(flatten)]
-    force: Force,
-    /// Format of what is printed
-    #[arg(long, value_enum, default_value = "text")]
-    format: Format,
-    /// Show every candidate when its fit has ended: one JSON object a line on stderr.
-    #[arg(long)]
-    watch: bool,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum FailOn {
-    Mismatch,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Format {
-    Text,
-    Json,
-}
 
 /// Diagnoses, writes what was asked for, prints.
 pub fn run(args: &DiagnoseArgs) -> CliResult {
@@ -187,19 +125,6 @@ fn references(args: &DiagnoseArgs, (model, valve): (&Path, &Valve)) -> Result<Ve
     let kept = valve.identification.iter().flat_map(Identification::sources).map(|(name, digest)| (model.with_file_name(name), digest));
     let same = kept.filter(|(path, digest)| !args.recordings.contains(path) && sha256(path).is_ok_and(|found| found == *digest));
     Ok(same.filter_map(|(path, _)| read(&path).ok()).collect())
-}
-
-/// Gives the model with what was found another name than the one as given, so that before and after are told apart
-/// wherever a name stands.
-pub fn name_apart(augmented: &mut Valve, given: &Valve) {
-    let added: Vec<&str> = augmented.effects.iter().skip(given.effects.len()).map(|e| e.id.as_str()).collect();
-    let mut plain = augmented.clone();
-    plain.name.clone_from(&given.name);
-    if !added.is_empty() {
-        augmented.name = format!("{}+{}", given.name, added.join("+"));
-    } else if plain != *given {
-        augmented.name = format!("{}+recalibrated", given.name);
-    }
 }
 
 /// Removes a part of a model, as if it had never been there.

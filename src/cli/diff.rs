@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use super::batch_diff::is_batch;
+use super::diff_format::DiffFormat;
 use super::{CliError, CliResult, batch_diff, exit};
 use crate::record::{TestRecord, records};
 use crate::report::diff::{RecordDiff, Tolerances, compare, different, json, markdown, text};
@@ -24,17 +25,6 @@ pub struct DiffArgs {
     /// How to print the differences
     #[arg(long, value_enum, default_value = "text")]
     format: DiffFormat,
-}
-
-/// How to print the differences.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum DiffFormat {
-    /// For a terminal.
-    Text,
-    /// For a pull request.
-    Markdown,
-    /// For a program.
-    Json,
 }
 
 /// Prints the differences; the exit code says whether there are any.

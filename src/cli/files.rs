@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::CliError;
-use super::run::checked_valve;
+use super::valves::checked_valve;
 use crate::document;
 use crate::plan::{Override, Plan};
 use crate::shipped::{self, Kind, PROJECT_FILE};

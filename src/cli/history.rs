@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::batch::failed;
+use super::batch_error::failed;
 use super::{CliError, CliResult, exit};
 use crate::batch::index::{Answer, Index, Query};
 use crate::report::format;

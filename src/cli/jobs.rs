@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 
-use super::run::checked_valve;
 use super::shard::Shard;
+use super::valves::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
 use crate::diagnose::diagnose;
@@ -81,7 +81,7 @@ impl Task for Diagnose {
         let valve = model.ok_or("no model")?;
         let recording = job.read(&self.reading)?;
         let mut diagnosed = diagnose(&recording, valve).map_err(|e| e.to_string())?;
-        super::diagnose::name_apart(&mut diagnosed.augmented, valve);
+        super::valves::name_apart(&mut diagnosed.augmented, valve);
         Ok(vec![("toml", diagnosed.augmented.to_toml()), ("json", report::diagnosis::json(&diagnosed.diagnosis))])
     }
 }

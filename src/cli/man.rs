@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 
 use super::{CliError, CliResult, exit};
 use crate::recording::replace_file;
@@ -16,8 +16,8 @@ pub struct ManArgs {
 }
 
 /// Writes the pages.
-pub fn run(args: &ManArgs) -> CliResult {
-    let pages = pages()?;
+pub fn run(args: &ManArgs, mut program: Command) -> CliResult {
+    let pages = pages(program.clone())?;
     match &args.dir {
         Some(dir) => {
             for (name, page) in &pages {
@@ -35,7 +35,7 @@ pub fn run(args: &ManArgs) -> CliResult {
                 [(Bash, "bash-completion/completions/hil"), (Zsh, "zsh/site-functions/_hil"), (Fish, "fish/vendor_completions.d/hil.fish")]
             {
                 let mut script = Vec::new();
-                clap_complete::generate(shell, &mut super::Cli::command(), "hil", &mut script);
+                clap_complete::generate(shell, &mut program, "hil", &mut script);
                 write(&share.join(place), &script)?;
             }
             super::say(&format!("wrote {} pages and the completions of bash, zsh and fish below {}", pages.len(), share.display()));
@@ -53,8 +53,7 @@ fn share() -> Result<PathBuf, CliError> {
 }
 
 /// A page for the program and one for each command.
-fn pages() -> Result<Vec<(String, Vec<u8>)>, CliError> {
-    let mut program = super::Cli::command();
+fn pages(mut program: Command) -> Result<Vec<(String, Vec<u8>)>, CliError> {
     program.build();
     let mut pages = vec![("hil.1".to_string(), page("hil", program.clone())?)];
     for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
@@ -64,7 +63,7 @@ fn pages() -> Result<Vec<(String, Vec<u8>)>, CliError> {
     Ok(pages)
 }
 
-fn page(title: &str, command: clap::Command) -> Result<Vec<u8>, CliError> {
+fn page(title: &str, command: Command) -> Result<Vec<u8>, CliError> {
     let mut text = Vec::new();
     let rendered = clap_mangen::Man::new(command).title(title.to_uppercase()).render(&mut text);
     rendered.map_err(|e| CliError { code: exit::INTERNAL, message: e.to_string() })?;

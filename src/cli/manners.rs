@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicU8, Ordering};
 static LEVEL: AtomicU8 = AtomicU8::new(1);
 
 /// Takes the options that every command has.
-pub fn set(cli: &super::Cli) {
-    LEVEL.store(if cli.quiet { 0 } else { 1 + u8::from(cli.verbose) }, Ordering::Relaxed);
-    let choice = match cli.color {
+pub fn set(color: clap::ColorChoice, quiet: bool, verbose: bool) {
+    LEVEL.store(if quiet { 0 } else { 1 + u8::from(verbose) }, Ordering::Relaxed);
+    let choice = match color {
         clap::ColorChoice::Auto => anstream::ColorChoice::Auto,
         clap::ColorChoice::Always => anstream::ColorChoice::Always,
         clap::ColorChoice::Never => anstream::ColorChoice::Never,

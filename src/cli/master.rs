@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::batch::failed;
-use super::batch_bench::{RigArgs, Setup};
+use super::batch_args::RigArgs;
+use super::batch_bench::Setup;
+use super::batch_error::failed;
 use super::run::key_value;
 use super::{CliError, CliResult, exit, files, run_folder};
 use crate::batch::master;
@@ -46,7 +47,7 @@ pub fn run(args: &MasterArgs) -> CliResult {
     let setup = Setup::new(&args.rig, plan, None, args.seed, Some(&station))?;
     let dut = Dut { serial: args.serial.clone(), ..Dut::default() };
     let folder = run_folder::new_folder(&format!("master-{}", setup.plan.name), &args.serial)?;
-    let started = super::batch::now();
+    let started = super::clock::now();
     let (mut record, trace) = setup.attempt(0, 0, 1, &dut).map_err(failed)?;
     record.provenance =
         Some(Provenance { version: env!("CARGO_PKG_VERSION").into(), started, station: Some(station.provenance(None, &[])) });

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::run::believed;
+use super::valves::believed;
 use super::{CliError, exit};
 use crate::plan::{Override, Plan};
 use crate::record::{Dut, Outcome, TestRecord};

@@ -6,9 +6,11 @@
 mod accept;
 mod answers;
 mod batch;
+mod batch_args;
 mod batch_bench;
 mod batch_diff;
 mod batch_emulated;
+mod batch_error;
 mod batch_folder;
 mod batch_open;
 mod batch_prompt;
@@ -17,14 +19,18 @@ mod challenge_contestant;
 mod challenge_fleet;
 mod challenge_set;
 mod check;
+mod clock;
 mod collect;
 mod compare;
 mod completions;
 mod control_page;
 mod diagnose;
+mod diagnose_args;
 mod diagnose_foreign;
 mod diff;
+mod diff_format;
 mod emulate;
+mod error;
 mod explain;
 mod export;
 mod files;
@@ -35,6 +41,7 @@ mod input;
 mod inspect;
 mod jobs;
 mod last_word;
+mod lock;
 mod man;
 mod manners;
 mod margins;
@@ -45,6 +52,7 @@ mod on_wire;
 mod outputs;
 mod paper;
 mod paper_search;
+mod print;
 mod probe;
 mod progress;
 mod reading;
@@ -59,64 +67,15 @@ mod shard;
 mod simulate;
 mod station;
 mod tune;
+mod valves;
 
 use std::io::Write;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
-/// Exit codes, stable across versions.
-pub mod exit {
-    /// Done; for `run` and `batch`: PASS or MARGINAL; for `diff`: no difference beyond tolerance.
-    pub const DONE: u8 = 0;
-    /// A negative verdict: FAIL, a difference, a failed check with `--fail-on mismatch`.
-    pub const NEGATIVE: u8 = 1;
-    /// Wrong usage of the command line.
-    pub const USAGE: u8 = 2;
-    /// An input file is wrong.
-    pub const INPUT: u8 = 3;
-    /// Rig or station error: communication, interlock, safe state not confirmed.
-    pub const RIG: u8 = 4;
-    /// Aborted by a signal; the safe state was reached.
-    pub const ABORTED: u8 = 5;
-    /// INVALID: timing or preconditions broken, so neither PASS nor FAIL.
-    pub const INVALID: u8 = 6;
-    /// Tested, but the record could not be stored.
-    pub const NOT_STORED: u8 = 7;
-    /// Internal error: a bug.
-    pub const INTERNAL: u8 = 70;
-}
-
-/// An error with the exit code that it ends the program with. The message is complete: what, where, what is allowed.
-#[derive(Debug, thiserror::Error)]
-#[error("{message}")]
-pub struct CliError {
-    /// One of [`exit`].
-    pub code: u8,
-    /// What is printed to stderr.
-    pub message: String,
-}
-
-impl CliError {
-    /// The command line asks for something that cannot be.
-    pub fn usage(message: impl ToString) -> Self {
-        Self { code: exit::USAGE, message: message.to_string() }
-    }
-    /// An input file is wrong.
-    pub fn input(message: impl ToString) -> Self {
-        Self { code: exit::INPUT, message: message.to_string() }
-    }
-    /// The rig or the station failed.
-    pub fn rig(message: impl ToString) -> Self {
-        Self { code: exit::RIG, message: message.to_string() }
-    }
-    /// The result could not be stored.
-    pub fn not_stored(message: impl ToString) -> Self {
-        Self { code: exit::NOT_STORED, message: message.to_string() }
-    }
-}
-
-/// What a subcommand ends with: an exit code, or an error that carries one.
-pub type CliResult = Result<u8, CliError>;
+pub use error::{CliError, CliResult, exit};
+pub use manners::say;
+pub use print::{note, print, to_json};
 
 /// Hardware-in-the-loop acceptance tests for electro-hydraulic clutch valves.
 #[derive(Debug, Parser)]
@@ -194,7 +153,7 @@ enum Command {
     /// Say where a simulation and a recording differ, what physics is missing, and how sure that is.
     ///
     /// Example: hil diagnose drive.csv --model valve.toml -o augmented.toml --report diagnosis.html
-    Diagnose(diagnose::DiagnoseArgs),
+    Diagnose(diagnose_args::DiagnoseArgs),
     /// Put the rows of many diagnoses into one table and one page: which lot, which effect, since when.
     #[command(
         after_help = "Examples:\n  hil diagnose --jobs fleet/jobs.csv --out answers\n  hil collect answers -o fleet.parquet --report fleet.html\n  hil collect answers -o fleet.parquet --fail-on new-finding"
@@ -219,7 +178,7 @@ enum Command {
     #[command(
         after_help = "Examples:\n  hil batch tipin --count 100 --sim\n  hil batch tipin --count 10000 --sim --population population --out reports/runs/big\n  hil batch tipin --duts lot.csv --sim --station station.toml --limits part.toml\n  hil batch tipin --count 10000 --sim --out reports/runs/big --resume"
     )]
-    Batch(Box<batch::BatchArgs>),
+    Batch(Box<batch_args::BatchArgs>),
     /// Serve the page of a test station: operators test valves, engineers watch.
     #[command(
         after_help = "Examples:\n  hil station emulated\n  hil station bench.toml --listen 0.0.0.0:8080 --token-file /etc/hil/token --viewer-token\n\nOpen the printed address in a browser. Ctrl-C stops what runs, makes it safe, stores it."
@@ -289,7 +248,7 @@ pub fn main() -> u8 {
     if cli.allow_outside {
         crate::plan::allow_anywhere();
     }
-    manners::set(&cli);
+    manners::set(cli.color, cli.quiet, cli.verbose);
     let started = std::time::Instant::now();
     let result: CliResult = match cli.command {
         Command::Challenge(args) => challenge::run(&args),
@@ -320,38 +279,14 @@ pub fn main() -> u8 {
         Command::RunFmu => run_fmu::run(),
         Command::Explain(args) => explain::run(&args),
         Command::Schema(args) => schema::run(&args),
-        Command::Man(args) => man::run(&args),
-        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => man::run(&args, Cli::command()),
+        Command::Completions(args) => completions::run(&args, &mut Cli::command()),
     };
     manners::detail(|| format!("took {:.2} s", started.elapsed().as_secs_f64()));
     result.unwrap_or_else(|error| {
         let _ = writeln!(anstream::stderr(), "error: {error}");
         error.code
     })
-}
-
-/// Writes `text` to stdout; a closed pipe (`hil explain | head`) is no error.
-pub fn print(text: &str) -> Result<(), CliError> {
-    let mut out = anstream::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(CliError::not_stored(format!("stdout: {error}"))),
-        _ => Ok(()),
-    }
-}
-
-/// Writes a line to stderr.
-pub fn note(text: &str) {
-    let _ = writeln!(anstream::stderr(), "{text}");
-}
-
-pub use manners::say;
-
-/// One JSON document with a newline at its end.
-pub fn to_json(value: &impl serde::Serialize) -> Result<String, CliError> {
-    match serde_json::to_string_pretty(value) {
-        Ok(text) => Ok(text + "\n"),
-        Err(error) => Err(CliError { code: exit::INTERNAL, message: error.to_string() }),
-    }
 }
 
 #[cfg(test)]

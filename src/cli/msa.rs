@@ -7,8 +7,9 @@ use clap::Args;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 
-use super::batch::failed;
-use super::batch_bench::{RigArgs, Setup};
+use super::batch_args::RigArgs;
+use super::batch_bench::Setup;
+use super::batch_error::failed;
 use super::outputs::Force;
 use super::progress::Counted;
 use super::run::key_value;

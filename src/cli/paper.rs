@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::paper_search::{Search, TABLE_1, behind_the_driver};
-use super::run::believed;
+use super::valves::believed;
 use super::{CliError, CliResult, exit};
 use crate::control::stability::sampled::SampledLoop;
 use crate::control::stability::{LoopPlant, exact, routh};

@@ -10,7 +10,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::CliError;
-use super::run::believed;
+use super::valves::believed;
 use crate::plan::Plan;
 use crate::record::{Dut, TestRecord};
 use crate::rig::RigIdentity;

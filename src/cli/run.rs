@@ -10,12 +10,12 @@ use super::answers::Answers;
 use super::on_wire::{self, WireArgs};
 use super::outputs::{Force, RUN};
 use super::progress::Bar;
+use super::valves::believed;
 use super::{CliError, CliResult, exit, files, run_folder};
 use crate::digest;
 use crate::document;
 use crate::output::Outputs;
-use crate::physics::{PhysicsError, resolve};
-use crate::plan::{LimitsFile, Override, Plan};
+use crate::plan::{LimitsFile, Override};
 use crate::record::{Dut, Outcome, Provenance, TestRecord, Trace};
 use crate::report;
 use crate::rig::simulated::SimulatedRig;
@@ -144,36 +144,6 @@ pub fn run(args: &RunArgs) -> CliResult {
 fn dut(args: &RunArgs, valve: &Valve) -> Dut {
     let unnamed = if args.sim { valve.name.clone() } else { "unknown".into() };
     Dut { serial: args.serial.clone().unwrap_or(unnamed), ..Dut::default() }
-}
-
-/// The model that the controller believes in: the plan's, or the valve itself without its further effects.
-pub fn believed(plan: &Plan, valve: &Valve) -> Result<Valve, CliError> {
-    match &plan.model {
-        None => Ok(Valve { effects: Vec::new(), ..valve.clone() }),
-        Some(name) => {
-            let path = Valve::find_beside(name, Some(plan.folder())).map_err(CliError::input)?;
-            checked_valve(&path)
-        }
-    }
-}
-
-/// The valve file at a path, with its effects known to be ones that the physics has.
-pub fn checked_valve(path: &Path) -> Result<Valve, CliError> {
-    let valve = Valve::load(path).map_err(CliError::input)?;
-    for effect in &valve.effects {
-        if let Err(error) = resolve(effect) {
-            let mut key = format!("effect.{}", effect.id);
-            if let PhysicsError::UnknownParameter { name, .. }
-            | PhysicsError::Quantity { name, .. }
-            | PhysicsError::OutOfRange { name, .. } = &error
-            {
-                key = format!("{key}.{name}");
-            }
-            let text = document::read(path).map_err(CliError::input)?;
-            return Err(CliError::input(document::underline_key(&text, &path.display().to_string(), &key, &error.to_string())));
-        }
-    }
-    Ok(valve)
 }
 
 /// The exit code of an outcome.

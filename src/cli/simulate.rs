@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::outputs::Force;
 use super::reading::ReadArgs;
-use super::run::checked_valve;
+use super::valves::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
 use crate::output::{Mark, Outputs};

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::margins::{TextOrJson, time_range};
-use super::run::believed;
+use super::valves::believed;
 use super::{CliError, CliResult, exit, files};
 use crate::control::rules::{RULES, TextbookRule};
 use crate::control::stability::{Margins, margins};

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::base::{AT, BASE, Base};
 use super::diagnosis::{Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, SCHEMA, Verdict};
 use super::evidence::MIDDLE;
 use super::fit::{Fit, Fitter};
 use super::good::Good;
 use super::heldout::{HeldOut, blocks, held_out, rms};
 use super::locate::locate;
-use super::model::{BASE, Model, Simulator};
+use super::model::{Model, Simulator};
 use super::posterior;
 use super::remainder::remainder;
 use super::scatter::Scattered;
@@ -184,7 +185,7 @@ impl<'a> Findings<'_, 'a> {
     /// Pressure of the model as given [bar].
     fn as_given(&self) -> Vec<f64> {
         let mut theta = self.given.calibrated();
-        theta[BASE - 1] = self.given.valve.lag_s;
+        theta[AT.lag] = self.given.valve.lag_s;
         if let Some(base) = &self.fitter.evidence.base {
             base.undo(&mut theta);
         }
@@ -343,24 +344,29 @@ impl<'a> Findings<'_, 'a> {
     fn recalibration(&self) -> Vec<Change> {
         let chosen = &self.search.chosen;
         let (start, errors) = (chosen.model.calibrated(), self.fitter.standard_errors(chosen));
-        let trifle = [0.002f64, 0.03, 0.05, 0.2, 0.002, 0.003];
-        let delays = |theta: &[f64]| {
-            let mut t = theta.to_vec();
-            t[4] = if self.fitter.evidence.base.is_some() { theta[4] } else { super::model::delay_s(theta) };
-            t
+        // What is too small to be told of.
+        let trifle = Base { gain: 0.002f64, offset: 0.03, width: 0.05, ln_a: 0.2, late: 0.002, lag: 0.003 }.in_order();
+        let names = Base {
+            gain: ("gain", "1"),
+            offset: ("offset", "bar"),
+            width: ("loop width", "bar"),
+            ln_a: ("a", "bar^2"),
+            late: ("delay", "s"),
+            lag: ("lag", "s"),
+        }
+        .in_order();
+        let told = |theta: &[f64]| {
+            let base = Base::of(theta);
+            // About a foreign model, which has no lag, what comes late is told as it is.
+            Base { late: if self.fitter.evidence.base.is_some() { base.late } else { base.delay_s() }, ..base }
         };
-        let (start, chosen_theta) = (delays(&start), delays(&chosen.theta));
-        let names = [("gain", "1"), ("offset", "bar"), ("loop width", "bar"), ("a", "bar^2"), ("delay", "s"), ("lag", "s")];
+        let (before, after) = (told(&start), told(&chosen.theta));
+        let read = |base: Base<f64>| Base { gain: 1.0 + base.gain, ln_a: base.ln_a.exp(), ..base }.in_order();
+        let moved: Vec<f64> = after.in_order().iter().zip(before.in_order()).map(|(a, b)| (a - b).abs()).collect();
+        let (before, after) = (read(before), read(after));
         (0..BASE)
-            .filter(|k| (chosen_theta[*k] - start[*k]).abs() > trifle[*k].max(2.0 * errors[*k]))
-            .map(|k| {
-                let value = |v: f64| match k {
-                    0 => 1.0 + v,
-                    3 => v.exp(),
-                    _ => v,
-                };
-                Change { parameter: names[k].0.into(), before: value(start[k]), after: value(chosen_theta[k]), unit: names[k].1.into() }
-            })
+            .filter(|k| moved[*k] > trifle[*k].max(2.0 * errors[*k]))
+            .map(|k| Change { parameter: names[k].0.into(), before: before[k], after: after[k], unit: names[k].1.into() })
             .collect()
     }
 }

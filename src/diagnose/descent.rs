@@ -1,4 +1,4 @@
-//! Levenberg-Marquardt on the loss of a free simulation.
+//! How the fit of a free simulation goes down its loss.
 //!
 //! Nearly all of the time goes into the derivatives, one simulation per parameter. After a step that went well they are
 //! corrected by what the step itself has shown (Broyden, Math. Comp. 19 (1965) 577) instead of taken anew, and taken anew
@@ -6,14 +6,18 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::base::{AT, BASE};
 use super::fit::{Fit, Fitter, clamped, shifted};
 use super::loss;
-use super::model::{BASE, DELAY, Free, GAIN, Model, OFFSET, Simulator};
+use super::model::{Free, Model, Simulator};
+use crate::least_squares::{Equations, Landscape, Pace, descend, dot};
 
 /// Steps in a row that corrected derivatives may serve.
 const CORRECTED: usize = 1;
 /// Gain of a step below which a fit is at its end [nats].
 const TRIFLE_NATS: f64 = 0.02;
+/// How a descent goes.
+const PACE: Pace = Pace { steps: 0, damping: 1e-2, least: 1e-6, raised: 8.0, tries: 4 };
 
 /// How a fit descends.
 #[derive(Debug, Clone, Copy)]
@@ -66,8 +70,64 @@ impl Slopes {
     }
 }
 
+/// Where a descent stands: a fit, and measured minus simulated [bar].
+struct Place<'a> {
+    fit: Fit<'a>,
+    residual: Vec<f64>,
+}
+
+/// The loss over the parameters that move.
+struct Loss<'l, 'f, 'e, 'a> {
+    fitter: &'l Fitter<'f>,
+    simulator: &'l mut Simulator<'e>,
+    model: &'l Model<'a>,
+    free: Vec<Free>,
+    moving: Vec<usize>,
+    /// Whether derivatives that are nearly right will do.
+    rough: bool,
+    /// Steps in a row that corrected derivatives may serve here.
+    corrected: usize,
+}
+
+impl<'a> Landscape for Loss<'_, '_, '_, 'a> {
+    type Point = Place<'a>;
+    type Slopes = Slopes;
+
+    fn slopes(&mut self, at: &Place<'a>) -> Slopes {
+        self.fitter.slopes(self.simulator, &self.free, &self.moving, &at.fit, &at.residual, self.rough)
+    }
+
+    fn equations(&self, slopes: &Slopes, at: &Place<'a>) -> Option<Equations> {
+        self.fitter.normal_equations(slopes, &self.free, &at.fit, &at.residual)
+    }
+
+    fn moved(&mut self, at: &Place<'a>, step: &DVector<f64>) -> Place<'a> {
+        let mut theta = at.fit.theta.clone();
+        for (k, s) in self.moving.iter().zip(step.iter()) {
+            theta[*k] = shifted(&self.free[*k], theta[*k], *s);
+        }
+        let mut residual = Vec::new();
+        let fit = self.fitter.score_near(self.simulator, self.model, &theta, at.fit.scale_bar, &mut residual);
+        Place { fit, residual }
+    }
+
+    fn objective(&self, at: &Place<'a>) -> f64 {
+        self.fitter.objective(&at.fit)
+    }
+
+    fn is_worth_more(&self, _before: f64, gain: f64) -> bool {
+        gain * self.fitter.effective() > TRIFLE_NATS
+    }
+
+    fn corrected(&self, mut slopes: Slopes, metric: &Equations, from: &Place<'a>, to: &Place<'a>) -> Option<Slopes> {
+        let made: Vec<f64> = self.moving.iter().map(|k| self.free[*k].distance(from.fit.theta[*k], to.fit.theta[*k])).collect();
+        slopes.correct(&made, metric.normal.diagonal().as_slice(), &from.residual, &to.residual);
+        (slopes.corrected <= self.corrected).then_some(slopes)
+    }
+}
+
 impl Fitter<'_> {
-    /// Levenberg-Marquardt from `start`, at most `iterations` steps.
+    /// The fit that is reached from `start` in at most `iterations` steps.
     pub fn polish<'a>(&self, model: &Model<'a>, start: &[f64], iterations: usize) -> Fit<'a> {
         self.polish_in(&mut Simulator::new(self.evidence), model, start, Descent::of(iterations))
     }
@@ -79,54 +139,10 @@ impl Fitter<'_> {
         let still = if held == 0 { BASE..BASE } else { BASE..model.place(held.min(model.effects.len()) - 1).end };
         let moving: Vec<usize> = (0..free.len()).filter(|k| !still.contains(k)).collect();
         let mut residual = Vec::new();
-        let mut best = self.score(simulator, model, &clamped(&free, start), &mut residual);
-        let mut damping = 1e-2;
-        let mut spare = Vec::new();
-        let mut kept: Option<Slopes> = None;
+        let fit = self.score(simulator, model, &clamped(&free, start), &mut residual);
         let corrected = if iterations > 5 && !self.squared { CORRECTED } else { 0 };
-        for _ in 0..iterations {
-            let mut slopes = match kept.take().filter(|s| s.corrected <= corrected) {
-                Some(slopes) => slopes,
-                None => self.slopes(simulator, &free, &moving, &best, &residual, rough && !self.squared),
-            };
-            let Some((normal, gradient)) = self.normal_equations(&slopes, &free, &best, &residual) else { break };
-            let fresh = slopes.corrected == 0;
-            let mut gain = 0.0;
-            for _ in 0..if fresh { 4 } else { 1 } {
-                let mut damped = normal.clone();
-                for k in 0..moving.len() {
-                    damped[(k, k)] = normal[(k, k)] * (1.0 + damping) + 1e-12;
-                }
-                let Some(step) = damped.cholesky().map(|c| c.solve(&gradient)) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let mut moved = best.theta.clone();
-                for (k, s) in moving.iter().zip(step.iter()) {
-                    moved[*k] = shifted(&free[*k], moved[*k], *s);
-                }
-                let next = self.score_near(simulator, model, &moved, best.scale_bar, &mut spare);
-                gain = self.objective(&best) - self.objective(&next);
-                if gain > 0.0 {
-                    let made: Vec<f64> = moving.iter().map(|k| free[*k].distance(best.theta[*k], next.theta[*k])).collect();
-                    slopes.correct(&made, normal.diagonal().as_slice(), &residual, &spare);
-                    std::mem::swap(&mut residual, &mut spare);
-                    best = next;
-                    damping = (damping * 0.2).max(1e-6);
-                    break;
-                }
-                if fresh {
-                    damping *= 8.0;
-                }
-            }
-            let improved = gain * self.effective() > TRIFLE_NATS;
-            if improved {
-                kept = Some(slopes);
-            } else if fresh {
-                break;
-            }
-        }
-        best
+        let mut loss = Loss { fitter: self, simulator, model, free, moving, rough: rough && !self.squared, corrected };
+        descend(&mut loss, Place { fit, residual }, &Pace { steps: iterations, ..PACE }).at.fit
     }
 
     /// The derivatives at a fit.
@@ -179,9 +195,9 @@ impl Fitter<'_> {
         let known = |slope: f64| if slope.is_finite() { slope } else { 0.0 };
         column.clear();
         match k {
-            GAIN => column.extend(pressure().map(|p| known((p - at.theta[OFFSET]) / (1.0 + at.theta[GAIN])))),
-            OFFSET => column.resize(residual.len(), 1.0),
-            DELAY => {
+            k if k == AT.gain => column.extend(pressure().map(|p| known((p - at.theta[AT.offset]) / (1.0 + at.theta[AT.gain])))),
+            k if k == AT.offset => column.resize(residual.len(), 1.0),
+            k if k == AT.late => {
                 let per_step = 1.0 / self.evidence.step_s();
                 column.push(0.0);
                 column.extend(pressure().zip(pressure().skip(1)).map(|(before, p)| known((before - p) * per_step)));
@@ -192,7 +208,7 @@ impl Fitter<'_> {
     }
 
     /// Weighted normal equations J'WJ and J'We of the moving parameters at a fit, with the calibration as further rows.
-    pub fn normal_equations(&self, slopes: &Slopes, free: &[Free], at: &Fit<'_>, residual: &[f64]) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    pub fn normal_equations(&self, slopes: &Slopes, free: &[Free], at: &Fit<'_>, residual: &[f64]) -> Option<Equations> {
         let p = slopes.moving.len();
         let scale_bar = if self.squared { at.rmse_bar } else { at.scale_bar };
         let plain = |e: &f64| if e.is_finite() { 1.0 } else { 0.0 };
@@ -223,7 +239,7 @@ impl Fitter<'_> {
                 gradient[row] += stiffness * (prior.mean - at.theta[*k]);
             }
         }
-        normal.iter().all(|v| v.is_finite()).then_some((normal, gradient))
+        normal.iter().all(|v| v.is_finite()).then_some(Equations { normal, gradient })
     }
 
     /// Standard errors of all parameters, from the normal equations on effective samples, so that they are inflated
@@ -236,7 +252,7 @@ impl Fitter<'_> {
         let infinite = vec![f64::INFINITY; free.len()];
         let all: Vec<usize> = (0..free.len()).collect();
         let slopes = self.slopes(&mut simulator, &free, &all, fit, &residual, false);
-        let Some((normal, _)) = self.normal_equations(&slopes, &free, fit, &residual) else { return infinite };
+        let Some(Equations { normal, .. }) = self.normal_equations(&slopes, &free, fit, &residual) else { return infinite };
         // Information of a t distribution is (nu + 1)/(nu + 3) of the weighted normal equations' expectation.
         let scale: Vec<f64> = (0..free.len()).map(|k| 1.0 / normal[(k, k)].max(1e-300).sqrt()).collect();
         let scaled =
@@ -246,17 +262,4 @@ impl Fitter<'_> {
         let carried = |k: usize| normal[(k, k)] > 1e-200;
         (0..free.len()).map(|k| if carried(k) { error(k) } else { f64::INFINITY }).collect()
     }
-}
-
-/// Sum of products in four lanes, which the compiler makes vector instructions of.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; 4];
-    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a4.zip(b4) {
-        for l in 0..4 {
-            lanes[l] += x[l] * y[l];
-        }
-    }
-    lanes.iter().sum::<f64>() + rest
 }

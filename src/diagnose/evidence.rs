@@ -1,8 +1,10 @@
 //! What the fits of a diagnosis look at: the runs of a course and its noise.
 
-use super::foreign::Base;
+use super::error::DiagnoseError;
+use super::foreign::{Base, Foreign};
 use crate::course::{Course, CourseError, Input, Run};
 use crate::physics::{Channel, MOST_INNER};
+use crate::valve::Valve;
 
 /// Fewest usable samples in all.
 const FEWEST_SAMPLES: usize = 200;
@@ -62,6 +64,17 @@ impl Evidence {
         })
     }
 
+    /// From now on a foreign model is the base; the valve that stands for it.
+    ///
+    /// # Errors
+    /// [`DiagnoseError::Foreign`] where the model refuses.
+    pub fn about(&mut self, foreign: &Foreign) -> Result<Valve, DiagnoseError> {
+        let (base, valve, notes) = Base::on(&self.grids, foreign)?;
+        self.notes.extend(notes);
+        self.base = Some(base);
+        Ok(valve)
+    }
+
     /// This evidence with other runs, each with where the valve stands at first, simulated in at most so many inner steps.
     pub fn of_runs(&self, (grids, start_shares): (Vec<Run>, Vec<f64>), most_inner: usize) -> Self {
         Self { grids, start_shares, most_inner, notes: Vec::new(), base: None, ..*self }
@@ -104,7 +117,7 @@ impl Evidence {
             end += run.len();
             (begin..end, run)
         });
-        placed.reduce(|best, next| if next.0.len() > best.0.len() { next } else { best }).unwrap_or((0..0, &self.grids[0]))
+        placed.reduce(|best, next| if next.0.len() > best.0.len() { next } else { best }).expect("a course holds at least one run")
     }
 
     /// Samples in all, used or not.

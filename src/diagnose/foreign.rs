@@ -8,9 +8,8 @@ use std::fmt::Debug;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use super::base::AT;
 use super::error::DiagnoseError;
-use super::evidence::Evidence;
-use super::model::{DELAY, GAIN, OFFSET};
 use crate::course::Run;
 use crate::physics::{Effect, Pipeline, Stage, signals};
 use crate::valve::{EffectSpec, Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
@@ -83,32 +82,30 @@ struct Again {
 }
 
 impl Base {
-    /// Runs the model on all runs of the evidence; also the valve that stands for it where the diagnosis asks for ranges.
+    /// Runs the model on these runs; also the valve that stands for it where the diagnosis asks for ranges, and what is to be noted.
     ///
     /// # Errors
     /// [`DiagnoseError::Foreign`] where the model refuses.
-    pub fn on(evidence: &mut Evidence, foreign: &Foreign) -> Result<Valve, DiagnoseError> {
+    pub fn on(runs: &[Run], foreign: &Foreign) -> Result<(Self, Valve, Vec<String>), DiagnoseError> {
         let begun = Instant::now();
         let run = |run: &Run| foreign.plant.pressure(run, &run.current_a).map(Arc::new);
-        let recorded_bar: Vec<_> = evidence.grids.iter().map(run).collect::<Result<_, _>>().map_err(|problem| foreign.refused(problem))?;
+        let recorded_bar: Vec<_> = runs.iter().map(run).collect::<Result<_, _>>().map_err(|problem| foreign.refused(problem))?;
         let took = begun.elapsed();
         let runs_again = foreign.plant.runs_again() && took <= RERUN;
-        evidence
-            .notes
-            .push("the base is a foreign model: it is recalibrated by gain, zero and delay only, and nothing inside it is fitted".into());
+        let mut notes =
+            vec!["the base is a foreign model: it is recalibrated by gain, zero and delay only, and nothing inside it is fitted".into()];
         if !runs_again {
             let why = if foreign.plant.runs_again() {
                 format!("one run of it takes {:.1} s", took.as_secs_f64())
             } else {
                 "it is known for the recorded current only".into()
             };
-            evidence.notes.push(format!("effects ahead of the base (coil, friction and play of the spool) are not looked for: {why}"));
+            notes.push(format!("effects ahead of the base (coil, friction and play of the spool) are not looked for: {why}"));
         }
         let (given, read) = (foreign.recalibration, foreign.recalibration);
         let base = Self { plant: foreign.plant.clone(), given, read, recorded_bar, runs_again, again: Arc::default() };
-        let valve = foreign.stand_in(&evidence.grids, &base);
-        evidence.base = Some(base);
-        Ok(valve)
+        let valve = foreign.stand_in(runs, &base);
+        Ok((base, valve, notes))
     }
 
     /// Whether an effect can be tried about this base.
@@ -124,11 +121,11 @@ impl Base {
 
     /// What `theta` makes of the recalibration.
     pub fn recalibration(&self, theta: &[f64]) -> Recalibration {
-        let gain = 1.0 + theta[GAIN];
+        let gain = 1.0 + theta[AT.gain];
         Recalibration {
             gain: gain * self.read.gain,
-            zero_bar: gain * self.read.zero_bar + theta[OFFSET],
-            delay_s: self.read.delay_s + theta[DELAY],
+            zero_bar: gain * self.read.zero_bar + theta[AT.offset],
+            delay_s: self.read.delay_s + theta[AT.late],
         }
     }
 
@@ -145,9 +142,9 @@ impl Base {
     /// Moves `theta` to where the base is read as it was given.
     pub fn undo(&self, theta: &mut [f64]) {
         let gain = self.given.gain / self.read.gain;
-        theta[GAIN] = gain - 1.0;
-        theta[OFFSET] = self.given.zero_bar - gain * self.read.zero_bar;
-        theta[DELAY] = self.given.delay_s - self.read.delay_s;
+        theta[AT.gain] = gain - 1.0;
+        theta[AT.offset] = self.given.zero_bar - gain * self.read.zero_bar;
+        theta[AT.late] = self.given.delay_s - self.read.delay_s;
     }
 
     /// The first refusal of a run with another command.
@@ -156,20 +153,17 @@ impl Base {
     }
 
     /// Pressure with the effects about the base on all runs, one after the other [bar].
-    pub fn pressure(&self, evidence: &Evidence, pipeline: Pipeline<'_>, theta: &[f64], out: &mut Vec<f64>) {
+    pub fn pressure(&self, runs: &[Run], pipeline: Pipeline<'_>, theta: &[f64], out: &mut Vec<f64>) {
         let read = self.recalibration(theta);
         let late_s = read.delay_s + pipeline.effects.iter().map(|(e, values)| e.dead_time_s(values)).sum::<f64>();
+        let input = pipeline.input;
         // Between its samples nothing is known of a foreign pressure but that it goes from one to the next.
         let behind = Pipeline { input: Input::Ramp, ..pipeline };
         out.clear();
-        for (k, grid) in evidence.grids.iter().enumerate() {
+        for (k, grid) in runs.iter().enumerate() {
             let signals = signals(grid);
             let (at_curve, pressure) = if behind.acts_ahead(grid.elapsed_s, grid.dt_s) {
-                let ahead = Pipeline { input: evidence.input, effects: behind.effects.clone(), ..behind }.ahead(
-                    grid.elapsed_s,
-                    grid.dt_s,
-                    &signals,
-                );
+                let ahead = Pipeline { input, effects: behind.effects.clone(), ..behind }.ahead(grid.elapsed_s, grid.dt_s, &signals);
                 let pressure = self.again(k, grid, &ahead);
                 (Some(ahead), pressure)
             } else {

@@ -1,6 +1,7 @@
 //! What data of the good valve says: how the model has to be corrected where nothing is wrong, how far it is off even
 //! then, and which effects that data excludes.
 
+use super::base::AT;
 use super::criteria::Criteria;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
@@ -8,7 +9,7 @@ use super::error::DiagnoseError;
 use super::evidence::Evidence;
 use super::excerpt::excerpt;
 use super::fit::Fitter;
-use super::foreign::{Base, Foreign};
+use super::foreign::Foreign;
 use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
 use super::search::{recalibrated, search_in};
@@ -124,7 +125,7 @@ impl Good {
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
         let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
         if let Some(foreign) = foreign {
-            Base::on(&mut evidence, foreign)?;
+            evidence.about(foreign)?;
         }
         if let Some((mistake, _)) = comparable::mistake(&evidence, valve).map_err(model)? {
             return Err(DiagnoseError::Recording {
@@ -167,7 +168,7 @@ impl Good {
             })
             .collect();
         let mut given = base.calibrated();
-        given[super::model::BASE - 1] = valve.lag_s;
+        given[AT.lag] = valve.lag_s;
         let as_given = fitter.score(&mut Simulator::new(&evidence), &base, &given, &mut Vec::new()).rmse_bar;
         let corrected = chosen.model.valve_file(&chosen.theta);
         let rmse_bar = (as_given, chosen.rmse_bar);

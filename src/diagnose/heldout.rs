@@ -5,8 +5,9 @@
 
 use rand::{RngExt, SeedableRng};
 
+use super::base::AT;
 use super::fit::{Fit, Fitter};
-use super::model::{BASE, DELAY, Simulator};
+use super::model::Simulator;
 
 /// Longest block [s].
 pub const BLOCK_S: f64 = 5.0;
@@ -101,7 +102,7 @@ pub fn blocks(fitter: &Fitter<'_>) -> Vec<usize> {
 /// a block tells nothing of the next; at most a quarter of a block.
 fn gap_samples(fitter: &Fitter<'_>, fit: &Fit<'_>) -> usize {
     let dt_s = fitter.evidence.step_s();
-    let memory_s = fit.theta[DELAY] + 4.0 * fit.theta[BASE - 1];
+    let memory_s = fit.theta[AT.late] + 4.0 * fit.theta[AT.lag];
     let longest = 0.25 * BLOCK_S.min(fitter.measured.len() as f64 * dt_s / FEWEST_BLOCKS as f64);
     (memory_s.min(longest) / dt_s).ceil() as usize
 }

@@ -1,17 +1,18 @@
 //! The diagnosis of a model and a recording that do not belong together: no cause is looked for.
 
+use super::base::AT;
 use super::diagnosis::{Curves, Diagnosed, Diagnosis, Errors, SCHEMA, Verdict};
 use super::evidence::Evidence;
 use super::heldout::rms;
 use super::locate::locate;
 use super::mistake::Mistake;
-use super::model::{BASE, Model, Simulator};
+use super::model::{Model, Simulator};
 use crate::recording::Recording;
 
 /// What is said of them; `share` is what the model explains of the variance after the freest recalibration.
 pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>, mistake: Mistake, share: f64) -> Diagnosed {
     let mut theta = base.calibrated();
-    theta[BASE - 1] = base.valve.lag_s;
+    theta[AT.lag] = base.valve.lag_s;
     let mut simulated = Vec::new();
     Simulator::new(evidence).pressure(base, &theta, &mut simulated);
     let measured = evidence.pressure_bar();

@@ -4,6 +4,8 @@
 //! logarithm of the t distribution does neither. Losses are in nats per effective sample: neighbouring samples of a
 //! residual are alike, so N samples count as N / tau_int.
 
+use crate::least_squares;
+
 /// Degrees of freedom: heavy enough for events and outliers.
 pub const DEGREES: f64 = 4.0;
 
@@ -54,29 +56,11 @@ pub fn weight(residual_bar: f64, scale_bar: f64) -> f64 {
     if z2.is_finite() { (DEGREES + 1.0) / (DEGREES + z2) } else { 0.0 }
 }
 
-/// Integrated correlation time of a residual [samples], its tails clipped; at least 1.
+/// Integrated correlation time of a residual about its mean [samples], its tails clipped; at least 1.
 pub fn correlation_samples(residual: &[f64], scale_bar: f64) -> f64 {
     let clipped: Vec<f64> = residual.iter().map(|e| if e.is_finite() { e.clamp(-3.0 * scale_bar, 3.0 * scale_bar) } else { 0.0 }).collect();
-    let n = clipped.len();
-    let mean = clipped.iter().sum::<f64>() / n.max(1) as f64;
-    let at = |lag: usize| clipped.iter().zip(&clipped[lag..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
-    let variance = at(0);
-    if variance <= 0.0 {
-        return 1.0;
-    }
-    let mut tau = 1.0;
-    let mut lag = 1;
-    // Initial positive sequence; the lags thin out where the correlation is slow.
-    while lag < n / 4 {
-        let step = (lag / 8).max(1);
-        let rho = at(lag) / variance;
-        if rho < 0.05 {
-            break;
-        }
-        tau += 2.0 * rho * step as f64;
-        lag += step;
-    }
-    tau
+    let mean = clipped.iter().sum::<f64>() / clipped.len().max(1) as f64;
+    least_squares::correlation_samples(&[clipped.iter().map(|e| e - mean).collect::<Vec<f64>>()])
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! with the base model; "recalibrate only" gets the same effort. The choice is by BIC on effective samples and by
 //! what held-out stretches show. This room knows no effect by name.
 
+mod base;
 mod claims;
 mod comparable;
 mod conclude;
@@ -55,7 +56,6 @@ use conclude::Findings;
 use criteria::Criteria;
 use evidence::Evidence;
 use fit::Fitter;
-use foreign::Base;
 use good::Good;
 use model::Model;
 use scatter::scatter;
@@ -91,7 +91,7 @@ pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]
 pub fn diagnose_foreign(recording: &Recording, foreign: &Foreign, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
     let preparation = Preparation { input: recording.input, ..Preparation::default() };
     let mut evidence = Evidence::of(Course::of(recording, &preparation)?)?;
-    let valve = Base::on(&mut evidence, foreign)?;
+    let valve = evidence.about(foreign)?;
     let base = evidence.base.clone();
     let found = on_evidence(recording, evidence, &valve, good, Some(foreign))?;
     match base.and_then(|base| base.refused()) {

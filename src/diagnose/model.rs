@@ -1,5 +1,6 @@
 //! A candidate model: the base valve with its parameters free within what the calibration allows, and effects.
 
+use super::base::{AT, BASE, Base};
 use super::evidence::Evidence;
 use crate::physics::{EFFECTS, Effect, MOST_INNER, Parameter, Pipeline, Stage, resolve, signals, specification};
 use crate::valve::{Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
@@ -63,15 +64,6 @@ impl Prior {
     }
 }
 
-/// What "recalibrate" may move, in the order of the vector: the parameters that the base model already has.
-pub const BASE: usize = 6;
-/// Place of the change of the gain,
-pub const GAIN: usize = 0;
-/// of the offset [bar],
-pub const OFFSET: usize = 1;
-/// and of delay and lag together [s].
-pub const DELAY: usize = 4;
-
 /// Largest lag that the slow sweep of an identification cannot see: coil, spool and hold of the command [s].
 pub const UNSEEN_LAG_S: f64 = 0.015;
 
@@ -83,15 +75,8 @@ pub const VALVE_STEP_S: f64 = 0.01;
 /// The lag that coil, spool and hold usually have, and its spread [s].
 const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 
-/// How far a good calibration may be off: gain, offset [bar], loop width [bar], ln a, delay and lag together [s].
-/// A slow sweep shows the sum of delay and lag well, and how it is split hardly.
-const CALIBRATION: [f64; 5] = [0.003, 0.03, 0.08, 0.7, 0.0015];
-const HEAVY: [Heavy; 5] = [Heavy::No, Heavy::No, Heavy::Both, Heavy::Both, Heavy::Below];
-
-/// The delay of a vector: its fifth entry is delay and lag together, its sixth the lag [s].
-pub fn delay_s(theta: &[f64]) -> f64 {
-    (theta[4] - theta[5]).max(0.0)
-}
+/// How far a good calibration may be off. A slow sweep shows the sum of delay and lag well, and how it is split hardly.
+const CALIBRATION: Base<f64> = Base { gain: 0.003, offset: 0.03, width: 0.08, ln_a: 0.7, late: 0.0015, lag: USUAL_LAG_S.1 };
 
 /// A base valve with a list of effects.
 #[derive(Clone)]
@@ -202,44 +187,48 @@ impl<'a> Model<'a> {
             Hysteresis::None | Hysteresis::Free(_) => 0.0,
         };
         let lag_s = self.valve.lag_s.min(self.lag_limit_s);
-        vec![0.0, 0.0, 0.0, ln_a, self.valve.delay_s + lag_s, lag_s]
+        Base { gain: 0.0, offset: 0.0, width: 0.0, ln_a, late: self.valve.delay_s + lag_s, lag: lag_s }.in_order().to_vec()
     }
 
     /// The free parameters, in the order of the vector.
     pub fn free(&self) -> Vec<Free> {
-        let start = self.calibrated();
+        let start = Base::of(&self.calibrated());
         let (bottom, top) = self.valve.curves.pressure_range_bar();
         // Offset and loop width in parts of the pressure that the curves span.
         let part = if (0.2..5.0).contains(&((top - bottom) / 30.0)) { 1.0 } else { (top - bottom).abs() / 30.0 };
-        let unit = [1.0, part, part, 1.0, self.slowness];
-        let linear = |k: usize, half: f64, step: f64| Free {
-            range: (start[k] - half * unit[k], start[k] + half * unit[k]),
+        let about = |mean: f64, half: f64, step: f64, sigma: f64, heavy: Heavy| Free {
+            range: (mean - half, mean + half),
             log: false,
             step,
-            prior: Some(Prior {
-                mean: start[k],
-                sigma: CALIBRATION[k] * unit[k],
-                heavy: if k == 4 && self.valve.lag_s > self.lag_limit_s { Heavy::Both } else { HEAVY[k] },
-            }),
+            prior: Some(Prior { mean, sigma, heavy }),
         };
-        let delay = Free { range: (0.0, start[4] + 0.15 * self.slowness), ..linear(4, 0.0, 3e-4 * self.slowness) };
-        let usual = Prior { mean: USUAL_LAG_S.0, sigma: USUAL_LAG_S.1, heavy: Heavy::Below };
-        let lag = Free {
-            range: (0.0, self.lag_limit_s),
-            log: false,
-            step: 3e-4 * self.slowness,
-            prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
+        let late_heavy = if self.valve.lag_s > self.lag_limit_s { Heavy::Both } else { Heavy::Below };
+        let usual = Prior { mean: USUAL_LAG_S.0, sigma: CALIBRATION.lag, heavy: Heavy::Below };
+        let mut base = Base {
+            gain: about(start.gain, 0.3, 1e-4, CALIBRATION.gain, Heavy::No),
+            offset: about(start.offset, 3.0 * part, 2e-3, CALIBRATION.offset * part, Heavy::No),
+            width: about(start.width, 3.0 * part, 2e-3, CALIBRATION.width * part, Heavy::Both),
+            ln_a: about(start.ln_a, 5.0, 0.02, CALIBRATION.ln_a, Heavy::Both),
+            late: Free {
+                range: (0.0, start.late + 0.15 * self.slowness),
+                ..about(start.late, 0.0, 3e-4 * self.slowness, CALIBRATION.late * self.slowness, late_heavy)
+            },
+            lag: Free {
+                range: (0.0, self.lag_limit_s),
+                log: false,
+                step: 3e-4 * self.slowness,
+                prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
+            },
         };
-        let mut free = vec![linear(0, 0.3, 1e-4), linear(1, 3.0, 2e-3), linear(2, 3.0, 2e-3), linear(3, 5.0, 0.02), delay, lag];
         if let Some(step_s) = self.foreign_step_s {
-            for k in [2, 3, 5] {
-                free[k] = Free { range: (start[k], start[k]), log: false, step: 0.0, prior: None };
-            }
-            free[DELAY].range.0 = -free[DELAY].range.1;
+            let still = |value: f64| Free { range: (value, value), log: false, step: 0.0, prior: None };
+            (base.width, base.ln_a, base.lag) = (still(start.width), still(start.ln_a), still(start.lag));
+            base.late.range.0 = -base.late.range.1;
             // Whether a simulation reads its command at the begin or the end of a step is its own affair.
-            let sigma = CALIBRATION[DELAY].hypot(step_s);
-            free[DELAY].prior = Some(Prior { mean: start[DELAY], sigma, heavy: Heavy::No });
+            let sigma = CALIBRATION.late.hypot(step_s);
+            base.late.prior = Some(Prior { mean: start.late, sigma, heavy: Heavy::No });
         }
+        let mut free = base.in_order().to_vec();
         for (effect, held) in self.effects.iter().zip(&self.held) {
             free.extend(effect.parameters().iter().zip(held).map(|(p, held)| {
                 let log = p.range.0 > 0.0 && p.range.1 / p.range.0 > 20.0;
@@ -283,10 +272,10 @@ impl<'a> Model<'a> {
     }
 
     fn curves(&self, theta: &[f64]) -> ReferenceCurves {
-        let (gain, offset, width) = (1.0 + theta[0], theta[1], theta[2]);
+        let Base { gain, offset, width, .. } = Base::of(theta);
         let curves = &self.valve.curves;
         let moved = |p: &Polynomial, offset: f64| {
-            let mut c: Vec<f64> = p.coefficients.iter().map(|c| c * gain).collect();
+            let mut c: Vec<f64> = p.coefficients.iter().map(|c| c * (1.0 + gain)).collect();
             if let Some(constant) = c.last_mut() {
                 *constant += offset;
             }
@@ -300,17 +289,18 @@ impl<'a> Model<'a> {
     }
 
     fn pipeline<'c>(&self, curves: &'c ReferenceCurves, theta: &[f64]) -> Pipeline<'c> {
+        let base = Base::of(theta);
         let mut effects = self.fixed.clone();
         effects.extend(self.effects.iter().enumerate().map(|(k, e)| (*e, theta[self.place(k)].to_vec())));
         let hysteresis = match self.valve.hysteresis {
             other @ (Hysteresis::None | Hysteresis::Free(_)) => other,
-            Hysteresis::Hyperbolic { .. } => Hysteresis::Hyperbolic { a_bar2: theta[3].exp() },
+            Hysteresis::Hyperbolic { .. } => Hysteresis::Hyperbolic { a_bar2: base.ln_a.exp() },
         };
         Pipeline {
             curves,
             hysteresis,
-            delay_s: delay_s(theta),
-            lag_s: theta[5],
+            delay_s: base.delay_s(),
+            lag_s: base.lag,
             floor_bar: self.valve.floor_bar,
             input: Input::Ramp,
             most_inner: MOST_INNER,
@@ -329,16 +319,17 @@ impl<'a> Model<'a> {
 
     /// The valve file that this model stands for.
     pub fn valve_file(&self, theta: &[f64]) -> Valve {
+        let base = Base::of(theta);
         let mut valve = self.valve.clone();
         valve.curves = self.curves(theta);
         if let Hysteresis::Hyperbolic { a_bar2 } = &mut valve.hysteresis {
-            *a_bar2 = theta[3].exp();
+            *a_bar2 = base.ln_a.exp();
         }
-        let delay_s = if self.foreign_step_s.is_some() { 0.0 } else { delay_s(theta) };
+        let delay_s = if self.foreign_step_s.is_some() { 0.0 } else { base.delay_s() };
         let shift = delay_s - valve.delay_s;
         valve.delay_s = delay_s;
         valve.delay_range_s = ((valve.delay_range_s.0 + shift).clamp(0.0, delay_s), (valve.delay_range_s.1 + shift).max(delay_s));
-        valve.lag_s = theta[5];
+        valve.lag_s = base.lag;
         valve.effects.extend(self.effects.iter().enumerate().map(|(k, e)| specification(*e, &theta[self.place(k)])));
         valve
     }
@@ -376,7 +367,7 @@ impl<'e> Simulator<'e> {
         let curves = model.curves(theta);
         let pipeline = Pipeline { input: self.evidence.input, most_inner: self.evidence.most_inner, ..model.pipeline(&curves, theta) };
         if let Some(base) = &self.evidence.base {
-            base.pressure(self.evidence, pipeline, theta, out);
+            base.pressure(&self.evidence.grids, pipeline, theta, out);
             return;
         }
         let mut current_key = vec![pipeline.dead_time_s()];
@@ -386,7 +377,7 @@ impl<'e> Simulator<'e> {
                 current_key.extend(values);
             }
         }
-        let static_key = [theta[0], theta[1], theta[2], theta[3]];
+        let static_key = [theta[AT.gain], theta[AT.offset], theta[AT.width], theta[AT.ln_a]];
         out.clear();
         for ((grid, kept), share) in self.evidence.grids.iter().zip(&mut self.runs).zip(&self.evidence.start_shares) {
             let start_share = self.start_share.unwrap_or(*share);

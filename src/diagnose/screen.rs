@@ -1,8 +1,9 @@
 //! Fits from several starts: many for a few steps, the best to the end.
 
+use super::base::{AT, BASE};
 use super::descent::Descent;
 use super::fit::{Fit, Fitter, clamped, shifted};
-use super::model::{BASE, Model, Simulator, UNSEEN_LAG_S};
+use super::model::{Model, Simulator, UNSEEN_LAG_S};
 
 /// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
 const HOPELESS_NATS: f64 = -30.0;
@@ -31,7 +32,7 @@ impl Fitter<'_> {
         // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back.
         let mut calibrated = incumbent.theta.clone();
         calibrated[..BASE].copy_from_slice(&model.calibrated());
-        calibrated[BASE - 1] += 0.5 * UNSEEN_LAG_S;
+        calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
         let mut tried: Vec<Fit<'a>> = Vec::new();
         for values in starts {
             for base in [&incumbent.theta, &calibrated] {
@@ -120,8 +121,8 @@ impl Fitter<'_> {
         let mut starts = vec![start.clone()];
         for (more, lag) in [(0.0, 0.008), (0.008, 0.003), (0.004, 0.014)] {
             let mut s = start.clone();
-            s[4] += more * model.slowness;
-            s[5] += lag * model.slowness;
+            s[AT.late] += more * model.slowness;
+            s[AT.lag] += lag * model.slowness;
             starts.push(s);
         }
         starts.extend(others.iter().map(|t| t[..BASE].to_vec()));

@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
+use super::base::{AT, BASE};
 use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
 use super::heldout::{BLOCK_S, carried_forward, held_out};
 use super::loss;
-use super::model::{BASE, Model, Simulator};
+use super::model::{Model, Simulator};
 use super::watch;
 use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 
@@ -75,7 +76,7 @@ pub fn recalibrated<'a>(fitter: &Fitter<'_>, base: Model<'a>) -> (Fit<'a>, Model
         None => fitter.recalibrate(base, &[]),
     };
     let null = find(&base);
-    if base.confirms_lag(null.theta[BASE - 1]) {
+    if base.confirms_lag(null.theta[AT.lag]) {
         return (null, base);
     }
     let base = base.distrusting_lag();
@@ -290,12 +291,12 @@ fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], in
         start_s: run.elapsed_s,
         dt_s: run.dt_s,
         current_a: &run.current_a,
-        delay_s: incumbent.theta[4],
+        delay_s: incumbent.theta[AT.late],
         // Proposals come from the longest run; the fit then sees all runs.
         residual_bar: &residual[samples.clone()],
         pressure_bar: &pressure[samples],
         scale_bar: incumbent.scale_bar,
-        recalibrated: (incumbent.theta[0], incumbent.theta[1]),
+        recalibrated: (incumbent.theta[AT.gain], incumbent.theta[AT.offset]),
     }
 }
 

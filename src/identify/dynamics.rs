@@ -29,7 +29,7 @@ const LAG_GAIN: f64 = 6.0;
 
 /// Refits delay, lag and all else from the best points of a grid; a lag stays only where the data show it.
 pub(super) fn refine(problem: &Problem<'_>, fit: &Fit, survey: &Survey, weights: &[f64], limit: f64) -> Fit {
-    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+    let step_s = problem.step_s();
     let with = Shape { lag: true, ..fit.shape.clone() };
     let without = Shape { lag: false, ..fit.shape.clone() };
     let late = (fit.theta[fit.shape.delay()] + fit.shape.lag_s(&fit.theta)) / step_s;

@@ -1,6 +1,6 @@
 //! What each recording contributed: what it excites, and what the model leaves of it.
 
-use super::segment::Segment;
+use super::segment::{Segment, shortest_step_s};
 use super::select::correlation_of;
 use crate::course::Course;
 use crate::units::{Current, Pressure, Time};
@@ -40,7 +40,7 @@ pub(super) fn recordings(
 }
 
 fn described(course: &Course, sha256: Option<String>, own: &[(&Segment, &[f64])], noise_bar: f64) -> Option<IdentifiedRecording> {
-    let step_s = own.first()?.0.step_s;
+    let step_s = own.first().map(|_| shortest_step_s(own.iter().map(|(s, _)| *s)))?;
     let used = || own.iter().flat_map(|(s, r)| (0..s.len()).filter(|k| s.weight[*k] > 0.0).map(move |k| (s.pressure_bar[k], r[k])));
     let wide = |(low, high): (f64, f64), v: f64| (low.min(v), high.max(v));
     let empty = (f64::INFINITY, f64::NEG_INFINITY);

@@ -1,15 +1,16 @@
-//! Levenberg-Marquardt on the free-run simulation error, with Huber's loss and curves kept monotone by a penalty.
+//! The fit of the free-run simulation error, with Huber's loss and curves kept monotone by a penalty.
 //!
 //! The error is that of the simulation, never of a one-step prediction: a prediction from the last measured
-//! pressure would hide every slow or static error. Sources: K. Levenberg, Quart. Appl. Math. 2 (1944) 164;
-//! D. Marquardt, SIAM J. Appl. Math. 11 (1963) 431; P. J. Huber, Ann. Math. Statist. 35 (1964) 73.
+//! pressure would hide every slow or static error. Source: P. J. Huber, Ann. Math. Statist. 35
+//! (1964) 73.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::arrival::Way;
 use super::model::{MIN_SLOPE, Shape};
-use super::segment::Segment;
+use super::segment::{Segment, shortest_step_s};
+use crate::least_squares::{Descended, Equations, Landscape, Pace, descend, dot};
 use crate::valve::{Input, ReferenceCurves};
 
 /// Points of the range at which the curves are kept rising and apart.
@@ -18,6 +19,9 @@ const GUARDS: usize = 24;
 const GUARD_WEIGHT: f64 = 100.0;
 /// Bound of a start between the curves: 0.1 % of the width away from a curve.
 const START_LIMIT: f64 = 0.998;
+
+/// How the descent of a fit goes.
+const PACE: Pace = Pace { steps: 0, damping: 1e-3, least: 1e-9, raised: 5.0, tries: 8 };
 
 /// The data and the bounds of a fit.
 pub(super) struct Problem<'a> {
@@ -68,6 +72,11 @@ impl<'a> Problem<'a> {
             offsets.push(offsets[offsets.len() - 1] + s.len());
         }
         Self { segments, delay_max_s, lag_max_s, span_bar, noise_bar, offsets }
+    }
+
+    /// The shortest time step of its segments [s].
+    pub fn step_s(&self) -> f64 {
+        shortest_step_s(self.segments)
     }
 
     /// Number of samples.
@@ -139,7 +148,7 @@ impl<'a> Problem<'a> {
         let span = variance / (self.span_bar * self.span_bar);
         let before = (0..shape.starts).filter_map(|k| Some((shape.before_at(k)?, theta[shape.before_at(k)?], span)));
         let sum = theta[shape.weights()].iter().sum::<f64>() - 1.0;
-        let step_s = self.segments.first().map_or(0.01, |s| s.step_s);
+        let step_s = self.step_s();
         // Of a held command a lag of about half a step is expected, where the data do not show another.
         let usual = 0.5 * step_s;
         let lag = shape.lag_at().filter(|_| shape.way.input == Input::Held);
@@ -195,7 +204,7 @@ impl<'a> Problem<'a> {
 
     /// Step of the finite difference of parameter `k`.
     fn step(&self, shape: &Shape, theta: &[f64], k: usize) -> f64 {
-        let step_s = self.segments.first().map_or(0.01, |s| s.step_s);
+        let step_s = self.step_s();
         match k {
             // Within the sampling interval in which a held command arrives.
             k if k == shape.delay() => {
@@ -230,45 +239,6 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The step of the damped normal equations; parameters that it would push through their bounds, or that are
-    /// not `free`, stay.
-    fn damped_step(
-        &self,
-        shape: &Shape,
-        theta: &[f64],
-        normal: &DMatrix<f64>,
-        gradient: &DVector<f64>,
-        damping: f64,
-        free: usize,
-    ) -> Option<DVector<f64>> {
-        let mut held: Vec<bool> = (0..shape.len()).map(|k| k >= free).collect();
-        let largest = normal.diagonal().max();
-        for _ in 0..3 {
-            let (mut damped, mut right) = (normal.clone(), gradient.clone());
-            for k in 0..shape.len() {
-                damped[(k, k)] += damping * damped[(k, k)].max(1e-12 * largest);
-                if held[k] {
-                    damped.row_mut(k).fill(0.0);
-                    damped.column_mut(k).fill(0.0);
-                    damped[(k, k)] = 1.0;
-                    right[k] = 0.0;
-                }
-            }
-            let change = damped.cholesky()?.solve(&right);
-            let mut again = false;
-            for k in 0..shape.len() {
-                let (low, high) = self.bounds(shape, k);
-                if !held[k] && ((theta[k] <= low && change[k] > 0.0) || (theta[k] >= high && change[k] < 0.0)) {
-                    (held[k], again) = (true, true);
-                }
-            }
-            if !again {
-                return Some(change);
-            }
-        }
-        None
-    }
-
     /// Minimises the loss from `start` in at most `iterations` steps.
     pub fn minimise(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, iterations: usize) -> Fit {
         self.descend(shape, start, weights, threshold_bar, Effort { iterations, free: shape.len(), tolerance: 1e-7 })
@@ -276,50 +246,15 @@ impl<'a> Problem<'a> {
 
     /// As [`Problem::minimise`] with the effort given.
     pub fn descend(&self, shape: &Shape, start: &[f64], weights: &[f64], threshold_bar: f64, effort: Effort) -> Fit {
-        let Effort { iterations, free, tolerance } = effort;
         let mut theta = start.to_vec();
         self.clamp(shape, &mut theta);
-        let mut delayed = self.delayed(theta[shape.delay()], shape.way);
-        let mut simulated = self.simulate(shape, &theta, &delayed, false);
-        let mut residual = simulated.clone();
-        self.residual(&mut residual);
-        let mut cost = self.cost(shape, &theta, &residual, weights, threshold_bar);
-        let mut damping = 1e-3;
-        let mut normal = DMatrix::zeros(shape.len(), shape.len());
-        for iteration in 0..=iterations {
-            let columns = self.jacobian(shape, &theta, &delayed, &simulated, free);
-            let (matrix, gradient) = self.normal_equations(shape, &theta, &columns, &residual, weights, threshold_bar);
-            normal = matrix;
-            if iteration == iterations || !cost.is_finite() {
-                break;
-            }
-            let mut improved = false;
-            let before = cost;
-            for _ in 0..8 {
-                let Some(change) = self.damped_step(shape, &theta, &normal, &gradient, damping, free) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let mut trial: Vec<f64> = theta.iter().zip(change.iter()).map(|(t, c)| t - c).collect();
-                self.clamp(shape, &mut trial);
-                let trial_delayed = self.delayed(trial[shape.delay()], shape.way);
-                let trial_simulated = self.simulate(shape, &trial, &trial_delayed, false);
-                let mut trial_residual = trial_simulated.clone();
-                self.residual(&mut trial_residual);
-                let trial_cost = self.cost(shape, &trial, &trial_residual, weights, threshold_bar);
-                if trial_cost < cost {
-                    (theta, delayed, simulated, residual, cost) = (trial, trial_delayed, trial_simulated, trial_residual, trial_cost);
-                    damping = (damping * 0.2).max(1e-9);
-                    improved = true;
-                    break;
-                }
-                damping = (damping * 5.0).max(1e-6);
-            }
-            if !improved || before - cost < tolerance * before {
-                break;
-            }
-        }
-        Fit { shape: shape.clone(), theta, cost, normal, residual_bar: residual }
+        let pace = Pace { steps: effort.iterations, ..PACE };
+        let mut slope = Slope { problem: self, shape, weights, threshold_bar, effort };
+        let at = slope.at(theta);
+        let Descended { at, equations, ended } = descend(&mut slope, at, &pace);
+        // Where the steps ran out, those of the last one belong to the point before.
+        let normal = equations.filter(|_| ended).map_or_else(|| slope.normal_at(&at), |e| e.normal);
+        Fit { shape: shape.clone(), theta: at.theta, cost: at.cost, normal, residual_bar: at.residual }
     }
 
     fn normal_equations(
@@ -330,7 +265,7 @@ impl<'a> Problem<'a> {
         residual: &[f64],
         weights: &[f64],
         threshold_bar: f64,
-    ) -> (DMatrix<f64>, DVector<f64>) {
+    ) -> Equations {
         let p = columns.len();
         let effective = effective_weights(residual, weights, threshold_bar);
         let clean: Vec<f64> = residual.iter().zip(&effective).map(|(r, w)| if *w > 0.0 { *r } else { 0.0 }).collect();
@@ -374,7 +309,78 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        (matrix, gradient)
+        Equations { normal: matrix, gradient }
+    }
+}
+
+/// Where the descent of a fit stands.
+struct Place {
+    theta: Vec<f64>,
+    delayed_a: Vec<f64>,
+    simulated: Vec<f64>,
+    residual: Vec<f64>,
+    cost: f64,
+}
+
+/// The loss over the parameters of one shape.
+struct Slope<'p> {
+    problem: &'p Problem<'p>,
+    shape: &'p Shape,
+    weights: &'p [f64],
+    threshold_bar: f64,
+    effort: Effort,
+}
+
+impl Slope<'_> {
+    fn at(&self, theta: Vec<f64>) -> Place {
+        let (problem, shape) = (self.problem, self.shape);
+        let delayed_a = problem.delayed(theta[shape.delay()], shape.way);
+        let simulated = problem.simulate(shape, &theta, &delayed_a, false);
+        let mut residual = simulated.clone();
+        problem.residual(&mut residual);
+        let cost = problem.cost(shape, &theta, &residual, self.weights, self.threshold_bar);
+        Place { theta, delayed_a, simulated, residual, cost }
+    }
+
+    fn normal_at(&mut self, at: &Place) -> DMatrix<f64> {
+        let slopes = self.slopes(at);
+        self.problem.normal_equations(self.shape, &at.theta, &slopes, &at.residual, self.weights, self.threshold_bar).normal
+    }
+}
+
+impl Landscape for Slope<'_> {
+    type Point = Place;
+    type Slopes = Vec<Vec<f64>>;
+
+    fn slopes(&mut self, at: &Place) -> Vec<Vec<f64>> {
+        self.problem.jacobian(self.shape, &at.theta, &at.delayed_a, &at.simulated, self.effort.free)
+    }
+
+    fn equations(&self, slopes: &Vec<Vec<f64>>, at: &Place) -> Option<Equations> {
+        Some(self.problem.normal_equations(self.shape, &at.theta, slopes, &at.residual, self.weights, self.threshold_bar))
+    }
+
+    fn moved(&mut self, at: &Place, step: &DVector<f64>) -> Place {
+        let mut theta: Vec<f64> = at.theta.iter().zip(step.iter()).map(|(t, s)| t - s).collect();
+        self.problem.clamp(self.shape, &mut theta);
+        self.at(theta)
+    }
+
+    fn objective(&self, at: &Place) -> f64 {
+        at.cost
+    }
+
+    fn is_worth_more(&self, before: f64, gain: f64) -> bool {
+        gain >= self.effort.tolerance * before
+    }
+
+    fn is_held(&self, k: usize) -> bool {
+        k >= self.effort.free
+    }
+
+    fn is_blocked(&self, at: &Place, k: usize, step: f64) -> bool {
+        let (low, high) = self.problem.bounds(self.shape, k);
+        (at.theta[k] <= low && step > 0.0) || (at.theta[k] >= high && step < 0.0)
     }
 }
 
@@ -388,19 +394,6 @@ pub(super) fn loss(residual_bar: f64, threshold_bar: f64) -> f64 {
 /// Weights for the normal equations, iteratively reweighted: a residual beyond the threshold counts linearly.
 pub(super) fn effective_weights(residual: &[f64], weights: &[f64], threshold_bar: f64) -> Vec<f64> {
     residual.iter().zip(weights).map(|(r, w)| if *w > 0.0 { w * (threshold_bar / r.abs()).min(1.0) } else { 0.0 }).collect()
-}
-
-/// A dot product with eight running sums, so that it is vectorised and still the same on every machine.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a8.zip(b8) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    sums.iter().sum::<f64>() + rest
 }
 
 /// Robust standard deviation of the residual where `weights` is positive: 1.4826 times the median of its size [bar].

@@ -61,7 +61,7 @@ impl Folds {
         } else {
             ((0..blocks).map(|b| usize::from(scattered(b))).collect(), 2)
         };
-        let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+        let step_s = problem.step_s();
         let memory = (fit.theta[fit.shape.delay()] + FORGOTTEN * fit.shape.lag_s(&fit.theta)) / step_s;
         let correlated = correlation_time(problem, &fit.residual_bar, weights, limit);
         let gap = ((memory + correlated) as usize).min(length / 3);

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 
 use super::*;
 use crate::recording::Run;
-use crate::valve::Hysteresis;
+use crate::valve::{Hysteresis, Input};
 
 /// Fine step [s].
 const FINE_S: f64 = 1e-4;
@@ -314,6 +314,24 @@ fn several_recordings_are_fitted_together_and_each_is_described() {
     }
     let back = crate::valve::Valve::from_toml(&both.valve.to_toml(), "back.toml").unwrap();
     assert_eq!(back.to_toml(), both.valve.to_toml());
+}
+
+#[test]
+fn recordings_of_different_rates_give_one_model_in_either_order() {
+    let random = &mut Pcg64::seed_from_u64(450);
+    let valve = Apart::new(0.8, 0.0237, 0.012);
+    let slow = open(&valve, sweep(), 0.01, Input::Held, random);
+    let fast: Vec<f64> = steps(8.0, random).into_iter().flat_map(|i| std::iter::repeat_n(i, 5)).collect();
+    let fast = open(&valve, fast, 0.002, Input::Held, random);
+    let held = Options { input: Some(Input::Held), ..Options::default() };
+    let first = identify_all(&[slow.clone(), fast.clone()], &held).unwrap();
+    let second = identify_all(&[fast, slow], &held).unwrap();
+    for p in &first.parameters {
+        let other = second.parameters.iter().find(|o| o.name == p.name).unwrap();
+        assert!((other.value - p.value).abs() <= 0.05 * p.std_error, "{p:?} {other:?}");
+        assert!((other.std_error / p.std_error - 1.0).abs() < 0.1, "{p:?} {other:?}");
+    }
+    assert!((first.valve.delay_s - 0.0237).abs() < 1e-3 && (first.valve.lag_s - 0.012).abs() < 1e-3, "{:?}", first.parameters);
 }
 
 #[test]

@@ -12,7 +12,9 @@ mod error;
 mod evidence;
 mod fit;
 mod heldout;
+mod inverse;
 mod model;
+mod options;
 mod outcome;
 mod parameters;
 mod profile;
@@ -28,52 +30,20 @@ mod windows;
 
 pub use error::IdentifyError;
 pub use heldout::OrderError;
+pub use options::{HysteresisChoice, MAX_ORDER, Options};
 pub use outcome::{DrawnCurves, Identified, Trace};
 pub use parameters::{CurvePoint, Parameter};
 pub use quality::Quality;
 
 use crate::course::{Course, CourseError, Preparation};
 use crate::recording::Recording;
-use crate::valve::{Input, MAX_TIME_S};
+use crate::valve::MAX_TIME_S;
 use fit::Problem;
+use outcome::source_names;
 use segment::Segment;
-
-/// Whether the model has a hysteresis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum HysteresisChoice {
-    /// As the data show it.
-    #[default]
-    Auto,
-    /// The hyperbola of Eqs. (5)-(8).
-    Hyperbolic,
-    /// A stack of plays between the curves.
-    Free,
-    /// None: the average of the curves.
-    None,
-}
-
-/// What a user may fix.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Options {
-    /// Name of the valve; the recording's name where `None`.
-    pub name: Option<String>,
-    /// Order of the curves; by held-out error where `None`.
-    pub order: Option<usize>,
-    /// Whether there is a hysteresis.
-    pub hysteresis: HysteresisChoice,
-    /// What the command does between its samples; as the data show it where `None`.
-    pub input: Option<Input>,
-    /// Whether a falling characteristic is meant.
-    pub falling: bool,
-    /// SHA-256 of each recording's bytes, hex.
-    pub sha256: Vec<String>,
-}
 
 /// Fewest samples with current and pressure.
 const MIN_SAMPLES: usize = 50;
-/// Highest order of the curves.
-pub const MAX_ORDER: usize = 9;
-
 /// Identifies a valve model from a recording.
 ///
 /// # Errors
@@ -121,8 +91,8 @@ pub fn identify_courses(courses: &[Course], options: &Options) -> Result<Identif
     }
     survey.recorded_a = windows::range(courses);
     let duration_s = segments.iter().map(|s| s.time_s[s.len() - 1] - s.time_s[0]).fold(0.0, f64::max);
-    let step_s = segments[0].step_s;
-    let longest_s = (50.0 * step_s).max(0.5).min(0.25 * duration_s);
+    let longest_step_s = segments.iter().map(|s| s.step_s).fold(0.0, f64::max);
+    let longest_s = (50.0 * longest_step_s).max(0.5).min(0.25 * duration_s);
     let longest_lag_s = (4.0 * longest_s).min(0.25 * duration_s).min(MAX_TIME_S);
     let problem = Problem::new(&segments, longest_s, longest_lag_s, survey.span_bar, survey.noise_bar);
     let weights = problem.weights();
@@ -141,11 +111,6 @@ pub fn identify_courses(courses: &[Course], options: &Options) -> Result<Identif
 
 /// What is said of a model that was asked to fall.
 const FALLING: &str = "a falling characteristic was asked for: the model holds over the negative current; other commands take recordings of this valve with --map current_a=\"-1 * current_a\"";
-
-/// The names of the recordings, for messages.
-fn source_names(courses: &[Course]) -> String {
-    courses.iter().map(|c| c.source.as_str()).collect::<Vec<_>>().join(", ")
-}
 
 /// The survey, after everything is refused from which nothing can be identified.
 fn checked_survey(courses: &[Course], segments: &mut [Segment]) -> Result<survey::Survey, IdentifyError> {

@@ -125,7 +125,7 @@ pub(super) fn outcome(
     let hysteresis = shape.hysteresis(&fit.theta);
     let mut valve = Valve {
         name,
-        source: format!("identified from {}", super::source_names(courses)),
+        source: format!("identified from {}", source_names(courses)),
         curves: shape.curves(&fit.theta),
         hysteresis,
         delay_s,
@@ -149,7 +149,7 @@ pub(super) fn outcome(
     }
     let warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
     valve.identification = Some(Identification {
-        recording: super::source_names(courses),
+        recording: source_names(courses),
         sha256: (courses.len() == 1).then(|| options.sha256.first().cloned()).flatten(),
         heldout: heldout_bar.map(Pressure::new),
         input: Some(shape.way.input),
@@ -275,4 +275,9 @@ fn branches(problem: &Problem<'_>, survey: &Survey, delayed: &[f64], simulated: 
         (s[0] > 10.0 && total > 0.0).then(|| 1.0 - s[3] / total)
     };
     (r2(sums[0]), r2(sums[1]))
+}
+
+/// The names of the recordings, for messages.
+pub(super) fn source_names(courses: &[Course]) -> String {
+    courses.iter().map(|c| c.source.as_str()).collect::<Vec<_>>().join(", ")
 }

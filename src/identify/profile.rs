@@ -8,8 +8,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::fit::{Fit, Problem, dot, effective_weights};
-use super::uncertainty::inverse;
+use super::fit::{Fit, Problem, effective_weights};
+use super::inverse::inverse;
+use crate::least_squares::dot;
 
 /// The profile ends where the loss stands this many variances above the lowest (e^-8 of its density).
 const END: f64 = 16.0;
@@ -59,7 +60,7 @@ fn along(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64, unit: f6
     let shape = &fit.shape;
     let own = Node { theta: fit.theta.clone(), cost: fit.cost };
     let delay = shape.delay();
-    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+    let step_s = problem.step_s();
     let error_s = (unit * inverse(&fit.normal)[(delay, delay)]).sqrt();
     if !(error_s.is_finite() && error_s > 0.0 && unit > 0.0 && step_s > 0.0) {
         return vec![own];

@@ -108,7 +108,7 @@ fn along(problem: &Problem<'_>, survey: &mut Survey, options: &Options, weights:
 
 /// A delay that shows by whole steps only goes to the middle of its interval.
 fn in_the_middle(problem: &Problem<'_>, mut fit: Fit, weights: &[f64], limit: f64) -> Fit {
-    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+    let step_s = problem.step_s();
     let delay = fit.shape.delay();
     let steps = (fit.theta[delay] / step_s - 1e-9).ceil();
     if !fit.shape.is_staircase() || steps < 1.0 {

@@ -26,6 +26,12 @@ pub(super) struct Segment {
     laid: Option<Run>,
 }
 
+/// The shortest time step of some segments [s]: recordings of one valve may have rates of their own, and the delay shows
+/// within the shortest step.
+pub(super) fn shortest_step_s<'s>(segments: impl IntoIterator<Item = &'s Segment>) -> f64 {
+    segments.into_iter().map(|s| s.step_s).fold(f64::INFINITY, f64::min)
+}
+
 impl Segment {
     /// A segment from a part of a run, from its first reading on; `None` where it holds none.
     pub fn from_run(source: usize, run: &Run, part: std::ops::Range<usize>) -> Option<Self> {

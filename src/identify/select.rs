@@ -2,6 +2,7 @@
 
 use super::fit::{Fit, Problem, robust_sigma};
 use super::model::Shape;
+use crate::least_squares::correlation_samples;
 
 /// Huber's threshold in robust deviations of the residual: a step that the model misses stays in, with less weight.
 const THRESHOLD_SIGMAS: f64 = 25.0;
@@ -60,29 +61,8 @@ pub(super) fn correlation_time(problem: &Problem<'_>, residual: &[f64], weights:
     correlation_of((0..problem.segments.len()).map(|k| (&clean[problem.range(k)], &weights[problem.range(k)])))
 }
 
-/// Correlation time in samples of stretches of values with their weights: 1 + 2 times the sum of the autocorrelation up to
-/// the first value below 0.05.
+/// Correlation time in samples of stretches of values with their weights: what has none does not count.
 pub(super) fn correlation_of<'a>(stretches: impl IntoIterator<Item = (&'a [f64], &'a [f64])>) -> f64 {
     let used = |(values, weights): (&[f64], &[f64])| values.iter().zip(weights).map(|(v, w)| if *w > 0.0 { *v } else { 0.0 }).collect();
-    let clean: Vec<Vec<f64>> = stretches.into_iter().map(used).collect();
-    let variance: f64 = clean.iter().flatten().map(|r| r * r).sum();
-    if variance <= 0.0 {
-        return 1.0;
-    }
-    let mut time = 1.0;
-    let longest = (clean.iter().map(Vec::len).sum::<usize>() / 4).min(2000);
-    let mut lag = 1;
-    let mut width = 1;
-    while lag < longest {
-        let products = |part: &Vec<f64>| if part.len() > lag { part[lag..].iter().zip(part).map(|(a, b)| a * b).sum::<f64>() } else { 0.0 };
-        let rho = clean.iter().map(products).sum::<f64>() / variance;
-        if rho < 0.05 {
-            break;
-        }
-        time += 2.0 * rho * width as f64;
-        // Far from zero the correlation changes slowly: every few lags are enough.
-        width = (lag / 16).max(1);
-        lag += width;
-    }
-    time
+    correlation_samples(&stretches.into_iter().map(used).collect::<Vec<Vec<f64>>>())
 }

@@ -26,7 +26,7 @@ fn delays(limit_steps: f64) -> Vec<f64> {
 
 /// A start for the `shape` (without lag): the best of the row of delays, then the best `a`.
 pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weights: &[f64]) -> Vec<f64> {
-    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+    let step_s = problem.step_s();
     let above = survey.above_bar();
     let mut best: Option<(f64, f64, Vec<f64>)> = None;
     for d in delays(problem.delay_max_s / step_s) {

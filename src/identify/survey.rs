@@ -1,6 +1,6 @@
 //! What a recording holds before anything is fitted: noise, outliers, flat bottom and top, covered range, directions.
 
-use super::segment::Segment;
+use super::segment::{Segment, shortest_step_s};
 use crate::valve::Input;
 
 /// Half-width of the window of the outlier test, in samples.
@@ -94,7 +94,7 @@ pub(super) fn survey(segments: &mut [Segment], noise_bar: f64) -> Survey {
         reversals: 0,
         steps: segments.iter().map(|s| jumps(&s.current_a, 0.05 * (recorded_a.1 - recorded_a.0))).sum(),
     };
-    let step_s = segments.first().map_or(0.01, |s| s.step_s);
+    let step_s = shortest_step_s(&*segments);
     survey.cover(segments, FIRST_DELAY_STEPS * step_s, STEADY_HALF_WINDOW as f64 * step_s);
     survey
 }

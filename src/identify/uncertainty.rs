@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::{Effort, Fit, Problem};
+use super::inverse::inverse;
 use super::profile::{Node, without};
 use super::select::correlation_time;
 
@@ -56,7 +57,7 @@ pub(super) fn covariance(fit: &Fit, nodes: &[Node], variance: f64) -> DMatrix<f6
 pub(super) fn staircase(problem: &Problem<'_>, fit: &Fit, (weights, limit): (&[f64], f64), variance: f64) -> DMatrix<f64> {
     const NEIGHBOURS: i32 = 3;
     let delay = fit.shape.delay();
-    let step_s = problem.segments.first().map_or(0.01, |s| s.step_s);
+    let step_s = problem.step_s();
     let mut out = inverse(&without(&fit.normal, delay)) * variance;
     out.row_mut(delay).fill(0.0);
     out.column_mut(delay).fill(0.0);
@@ -104,23 +105,6 @@ fn interval<'a>(fit: &Fit, nodes: &'a [Node], variance: f64) -> (&'a [Node], f64
     };
     let (first, last) = (end(&mut (0..own).rev()), end(&mut (own + 1..nodes.len())));
     (&nodes[first.0..=last.0], first.1.max(last.1))
-}
-
-/// The inverse of normal equations, scaled to a unit diagonal before: amperes, seconds and bar differ by orders of
-/// magnitude. A parameter without any influence has an infinite variance.
-pub(super) fn inverse(normal: &DMatrix<f64>) -> DMatrix<f64> {
-    let scale: Vec<f64> = normal.diagonal().iter().map(|d| if *d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }).collect();
-    let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| scale[a] * normal[(a, b)] * scale[b]);
-    let eigen = scaled.symmetric_eigen();
-    let least = 1e-12 * eigen.eigenvalues.max();
-    let mut inverse = DMatrix::zeros(scale.len(), scale.len());
-    for (k, value) in eigen.eigenvalues.iter().enumerate() {
-        let v = eigen.eigenvectors.column(k);
-        inverse += v * v.transpose() / value.max(least);
-    }
-    DMatrix::from_fn(scale.len(), scale.len(), |a, b| {
-        if scale[a] == 0.0 || scale[b] == 0.0 { if a == b { f64::INFINITY } else { 0.0 } } else { scale[a] * inverse[(a, b)] * scale[b] }
-    })
 }
 
 /// Standard error of a linear combination of parameters.

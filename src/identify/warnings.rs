@@ -115,7 +115,7 @@ pub(super) fn warnings(
             out.push("the fitted curves cross within the covered range: there is hardly any hysteresis; consider --hysteresis none".into());
         }
     }
-    let half_step = 0.5 * problem.segments.first().map_or(0.01, |s| s.step_s);
+    let half_step = 0.5 * problem.step_s();
     if let Some((delay, e)) = error("delay") {
         if 2.0 * e > half_step.max(0.005) {
             let why = if survey.steps > 0 {

@@ -7,8 +7,9 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, Deserializer};
 
+use super::bounds::limit;
 use super::error::Wrong;
-use super::file::{LimitFile, PhaseFile, PlanFile, SCHEMA};
+use super::file::{PhaseFile, PlanFile, SCHEMA};
 use super::parameters::{Override, apply_overrides, substitute};
 use super::stimulus::waveform;
 use super::territory;
@@ -18,9 +19,8 @@ use super::{
 };
 use crate::digest;
 use crate::document;
-use crate::limits::Limit;
 use crate::metrics::MetricSpec;
-use crate::units::{Pressure, Ratio, Temperature, Time, Unit};
+use crate::units::{Pressure, Ratio, Temperature, Time};
 use crate::valve::Valve;
 
 /// Loop rate of a plan that names none [Hz]: the paper's.
@@ -266,23 +266,6 @@ fn interlocked(phase: &Phase, interlocks: &super::InterlocksFile) -> Result<(), 
         )),
         None => Ok(()),
     }
-}
-
-/// A limit in the unit of its figure.
-pub(super) fn limit(file: &Spanned<LimitFile>, unit: &'static Unit) -> Result<Limit, Wrong> {
-    let bound = |text: &Option<Spanned<String>>| match text {
-        None => Ok(None),
-        Some(text) => unit.parse(text.get_ref()).map(Some).map_err(|e| Wrong::new(text.span(), e.to_string())),
-    };
-    let written = file.get_ref();
-    let limit = Limit {
-        min: bound(&written.min)?,
-        max: bound(&written.max)?,
-        marginal_min: bound(&written.marginal_min)?,
-        marginal_max: bound(&written.marginal_max)?,
-        bound: written.bound,
-    };
-    limit.check().map(|()| limit).map_err(|e| Wrong::new(file.span(), e.to_string()))
 }
 
 fn window<T: Copy + std::fmt::Display>(

@@ -6,9 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
+use super::bounds::LimitFile;
 use super::prompt::PromptFile;
 use super::{ControllerFile, StimulusFile};
-use crate::limits::Bound;
 use crate::metrics::MetricSpec;
 use crate::units::{Current, Frequency, Pressure, PressureRate, Ratio, Temperature, Time};
 
@@ -126,27 +126,6 @@ pub struct MeasureFile {
     /// What it is judged by; without it the figure is reported only.
     #[schemars(with = "Option<LimitFile>")]
     pub limit: Option<Spanned<LimitFile>>,
-}
-
-/// A limit, each bound with the unit of the figure.
-#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LimitFile {
-    /// Smallest accepted value.
-    #[schemars(with = "Option<String>")]
-    pub min: Option<Spanned<String>>,
-    /// Largest accepted value.
-    #[schemars(with = "Option<String>")]
-    pub max: Option<Spanned<String>>,
-    /// Below this the verdict is MARGINAL.
-    #[schemars(with = "Option<String>")]
-    pub marginal_min: Option<Spanned<String>>,
-    /// Above this the verdict is MARGINAL.
-    #[schemars(with = "Option<String>")]
-    pub marginal_max: Option<Spanned<String>>,
-    /// Whether a value on the bound is accepted; `inclusive` by default.
-    #[serde(default)]
-    pub bound: Bound,
 }
 
 /// What a FAIL means for the phases after it.

@@ -6,9 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::check::limit;
+use super::bounds::LimitFile;
+use super::bounds::limit;
 use super::error::Wrong;
-use super::file::LimitFile;
 use super::serial::SerialForm;
 use super::{Plan, PlanError};
 use crate::document;

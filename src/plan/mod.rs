@@ -3,6 +3,7 @@
 //! A plan is read in two steps: [`PlanFile`] as it is written, then [`Plan`], checked and in canonical units. After
 //! a `Plan` exists and [`Plan::check_valve`] has passed, nothing downstream validates again.
 
+mod bounds;
 mod check;
 mod controller;
 mod error;
@@ -19,11 +20,12 @@ mod waveform;
 
 use std::path::PathBuf;
 
+pub use bounds::LimitFile;
 pub use controller::ControllerFile;
 pub use error::PlanError;
 pub use file::{
-    AttemptsFile, InterlocksFile, LimitFile, MeasureFile, OnFail, ParameterValue, PhaseFile, PlanFile, PreconditionsFile, RetryOn, SCHEMA,
-    TimingFile, Window,
+    AttemptsFile, InterlocksFile, MeasureFile, OnFail, ParameterValue, PhaseFile, PlanFile, PreconditionsFile, RetryOn, SCHEMA, TimingFile,
+    Window,
 };
 pub use level::{Level, LevelKind, LevelRate};
 pub use limits_file::{LIMITS_SCHEMA, LimitEntry, LimitsFile};

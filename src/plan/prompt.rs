@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::check::limit;
+use super::bounds::limit;
 use super::error::Wrong;
 use super::{LimitFile, Source};
 use crate::limits::{Limit, Verdict};

@@ -6,8 +6,8 @@ use std::path::Path;
 use super::cell::{Cell, bare, number};
 use super::csv::{Open, decoded, open, utf8};
 use super::header::split;
-use super::inspect::{Content, RawColumn, Table};
 use super::mapping::Role;
+use super::raw::{Content, RawColumn, Table};
 use super::stamps::Stamps;
 use super::{Reading, RecordingError};
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::inspect::Table;
+use super::raw::Table;
 use super::source::Rows;
 use super::{Cells, Column, Mapping, RecordingError};
 

@@ -1,8 +1,5 @@
 //! Who answers the questions of a plan: a file, a person at the terminal, or one at the page of the station.
 
-use std::sync::Arc;
-
-use super::{Observer, Progress};
 use crate::plan::{Answer, Phase, Prompt};
 
 /// An answer, and where it came from.
@@ -22,26 +19,4 @@ pub trait Attendant: Send + Sync {
     fn reply(&self) -> Option<Reply>;
     /// The question stands no longer: it was answered, or the run has ended.
     fn done(&self) {}
-}
-
-/// Somebody who watches, and somebody who answers.
-pub struct Attended<O> {
-    /// Who watches.
-    pub observer: O,
-    /// Who answers.
-    pub attendant: Option<Arc<dyn Attendant>>,
-}
-
-impl<O: Observer> Observer for Attended<O> {
-    fn phase(&mut self, index: usize, phase: &Phase) {
-        self.observer.phase(index, phase);
-    }
-
-    fn sample(&mut self, progress: &Progress<'_>) {
-        self.observer.sample(progress);
-    }
-
-    fn attendant(&self) -> Option<&dyn Attendant> {
-        self.attendant.as_deref()
-    }
 }

@@ -5,6 +5,7 @@
 //! writes and reads does: one period of computation lies in the loop, on the bench and in simulation alike.
 
 mod attendant;
+mod attended;
 mod evidence;
 #[cfg(feature = "wire")]
 mod glance;
@@ -14,7 +15,8 @@ mod observer;
 mod prepare;
 mod run;
 
-pub use attendant::{Attendant, Attended, Reply};
+pub use attendant::{Attendant, Reply};
+pub use attended::Attended;
 #[cfg(feature = "wire")]
 pub use glance::{Feed, Glance, glances};
 pub use observer::{Observer, Progress};

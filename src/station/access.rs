@@ -9,11 +9,9 @@ use axum::http::header::{COOKIE, HOST, ORIGIN};
 use axum::http::{HeaderMap, Method, StatusCode};
 use sha2::{Digest, Sha256};
 
-use super::StationError;
+use super::error::{SHORTEST, StationError};
 use crate::digest;
 
-/// Shortest token that is taken.
-pub(super) const SHORTEST: usize = 16;
 /// The header that carries the second value.
 pub(super) const ACT: &str = "x-hil-act";
 

@@ -13,9 +13,9 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::timeout;
 
+use super::app::App;
 use super::hub::{Event, event};
 use super::request::refuse;
-use super::serve::App;
 
 /// Something is sent at least so often, so that the page sees within a second that nobody is there any more.
 const BEAT: Duration = Duration::from_millis(400);

@@ -4,8 +4,10 @@
 //! trait [`Conduct`]. Samples come through the bounded ring of a run (`runner::glances`), so that no browser can hold a loop up.
 
 mod access;
+mod app;
 mod board;
 mod conduct;
+mod error;
 mod events;
 mod frame;
 mod headers;
@@ -19,24 +21,6 @@ pub use board::{
     BatchCard, Board, Light, LogLine, PhaseCard, ProductCard, PromptCard, RunCard, SafeCard, SiteCard, StationCard, VerdictCard,
 };
 pub use conduct::{Accepted, Conduct, Diagnose, Entry, Given, Refused};
+pub use error::StationError;
 pub use hub::Hub;
 pub use serve::{Server, listen, serve};
-
-/// What can keep a station from serving its page.
-#[derive(Debug, thiserror::Error)]
-pub enum StationError {
-    /// The address cannot be listened on.
-    #[error("--listen {address}: {source}")]
-    Listen {
-        /// As typed.
-        address: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// A token is too easy to guess.
-    #[error("{what}: a token has at least {least} letters and digits, and no blanks", least = access::SHORTEST)]
-    Token {
-        /// Where it came from.
-        what: String,
-    },
-}

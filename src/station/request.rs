@@ -11,9 +11,9 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
+use super::app::App;
 use super::conduct::{Conduct, Diagnose, Entry, Given, Refused};
 use super::headers;
-use super::serve::App;
 
 /// JSON, or what is wrong in words.
 fn answer(status: StatusCode, value: &Value) -> Response {

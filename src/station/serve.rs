@@ -14,6 +14,7 @@ use axum::routing::{get, post};
 use tokio::sync::oneshot;
 
 use super::access::Access;
+use super::app::App;
 use super::conduct::Conduct;
 use super::hub::Hub;
 use super::page::FILES;
@@ -24,13 +25,6 @@ const LARGEST: usize = 16 << 10;
 
 /// Largest recording that is taken [bytes].
 const LARGEST_RECORDING: usize = 64 << 20;
-
-/// What every request sees.
-pub(super) struct App {
-    pub hub: Arc<Hub>,
-    pub conduct: Arc<dyn Conduct>,
-    pub access: Access,
-}
 
 /// A running server; it ends when it is dropped.
 pub struct Server {

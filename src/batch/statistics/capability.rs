@@ -10,7 +10,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::chart::ControlChart;
+use super::chart::{ControlChart, moving_range_freedom};
 use super::distribution::{chi_squared_quantile, normal_quantile};
 use super::sample::mean_deviation;
 use super::shape::{Quantiles, Shape, Weighed, weigh};
@@ -150,18 +150,6 @@ fn indices(tolerance: Tolerance, mean: f64, deviation: f64, n: f64, freedom: f64
 /// Half the width of Bissell's interval.
 fn bissell_half(index: f64, n: f64, freedom: f64, quantile: f64) -> f64 {
     normal_quantile(quantile) * (1.0 / (9.0 * n) + index * index / (2.0 * freedom)).sqrt()
-}
-
-/// Degrees of freedom of a spread with the same relative variance as a mean moving range of `n` values.
-///
-/// With normal values, |x(i+1) - x(i)| / E has the variance pi/2 - 1 = 0.5708, and neighbours, which share a value,
-/// the covariance (sqrt(3) + pi/6 - 2) / 2 = 0.12783; a standard deviation with f degrees of freedom has 1 / (2 f). So
-/// f tends to 0.605 n (J. D. Cryer, T. P. Ryan, J. Quality Technology 22 (1990) 187-192).
-pub(super) fn moving_range_freedom(n: usize) -> f64 {
-    use std::f64::consts::PI;
-    let m = n as f64 - 1.0;
-    let variance = (m * (PI / 2.0 - 1.0) + 2.0 * (m - 1.0) * ((3f64.sqrt() + PI / 6.0 - 2.0) / 2.0)) / (m * m);
-    1.0 / (2.0 * variance)
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::Finding;
-use super::capability::moving_range_freedom;
 use super::rules::{FALSE_ALARMS, RULES, Rule};
 
 /// d2 for a moving range of two, as the tables give it.
@@ -112,6 +111,18 @@ fn push(signals: &mut Vec<Signal>, rule: Rule, number: f64, at: &[usize], positi
         let at_positions = at.iter().take(20).map(|&i| positions.get(i).copied().unwrap_or(i)).collect();
         signals.push(Signal { rule, text: rule.text(number), count: at.len(), at: at_positions });
     }
+}
+
+/// Degrees of freedom of a spread with the same relative variance as a mean moving range of `n` values.
+///
+/// With normal values, |x(i+1) - x(i)| / E has the variance pi/2 - 1 = 0.5708, and neighbours, which share a value,
+/// the covariance (sqrt(3) + pi/6 - 2) / 2 = 0.12783; a standard deviation with f degrees of freedom has 1 / (2 f). So
+/// f tends to 0.605 n (J. D. Cryer, T. P. Ryan, J. Quality Technology 22 (1990) 187-192).
+pub(super) fn moving_range_freedom(n: usize) -> f64 {
+    use std::f64::consts::PI;
+    let m = n as f64 - 1.0;
+    let variance = (m * (PI / 2.0 - 1.0) + 2.0 * (m - 1.0) * ((3f64.sqrt() + PI / 6.0 - 2.0) / 2.0)) / (m * m);
+    1.0 / (2.0 * variance)
 }
 
 #[cfg(test)]

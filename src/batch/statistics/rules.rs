@@ -216,7 +216,7 @@ mod tests {
     /// docs/acceptance.md names these two limits. Batches are drawn, so nothing is asked of the formula that gives them.
     #[test]
     fn the_limits_that_the_documentation_names_are_hardly_ever_passed_by_chance() {
-        use super::super::capability::moving_range_freedom;
+        use super::super::chart::moving_range_freedom;
         use rand::SeedableRng;
         use rand_distr::{Distribution, StandardNormal};
         let mut rng = rand_pcg::Pcg64::seed_from_u64(5);

@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
-use super::seats::lock;
+use super::super::lock::lock;
 use crate::plan::{Phase, Picture, Prompt, PromptKind};
 use crate::runner::{Attendant, Reply};
 use crate::station::PromptCard;

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::seats::lock;
+use super::super::lock::lock;
 use crate::station::{Hub, Refused};
 
 /// Endings of the recordings that are read.

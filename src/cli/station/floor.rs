@@ -5,12 +5,13 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::super::batch::now;
+use super::super::clock::now;
+use super::super::lock::lock;
 use super::super::{CliError, batch_folder, batch_open, last_word};
 use super::StationArgs;
 use super::diagnosing::Diagnosing;
 use super::product::Ready;
-use super::seats::{BY_OPERATOR, Seats, lock, origin};
+use super::seats::{BY_OPERATOR, Seats, origin};
 use super::session::{Session, today};
 use super::shelf::Shelf;
 use crate::batch::station::Station;

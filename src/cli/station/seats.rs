@@ -1,9 +1,10 @@
 //! The seats at the sites: from the samples of a run to the page, and from the page to the run.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
-use super::super::batch::now;
+use super::super::clock::now;
+use super::super::lock::lock;
 use super::super::seat::{Company, Seat};
 use super::asking::AtPage;
 use crate::batch::campaign::{Confirmed, Job};
@@ -288,8 +289,3 @@ pub fn origin(origin: Origin) -> &'static str {
 
 /// Who is named where a person stopped a run.
 pub const BY_OPERATOR: &str = OPERATOR;
-
-/// A poisoned lock means that a thread panicked between two whole states.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}

@@ -8,13 +8,15 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::super::batch::{ValveReports, now};
+use super::super::batch_args::ValveReports;
 use super::super::batch_bench::Bench;
 use super::super::batch_open::{self, Opened};
 use super::super::batch_prompt::{Entries, Seen};
+use super::super::clock::now;
+use super::super::lock::lock;
 use super::super::{CliError, batch_folder};
 use super::product::Ready;
-use super::seats::{Seats, lock};
+use super::seats::Seats;
 use super::shelf;
 use crate::batch::campaign::{self, Job, Jobs, Rules, Worker};
 use crate::batch::duts::Entry;

@@ -7,8 +7,8 @@ use std::sync::Mutex;
 use serde_json::{Value, json};
 
 use super::super::batch_folder::attempt_folder;
+use super::super::lock::lock;
 use super::super::run_folder::read_trace;
-use super::seats::lock;
 use crate::batch::index::{Index, Query};
 use crate::digest;
 use crate::record::TestRecord;

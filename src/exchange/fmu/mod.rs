@@ -4,6 +4,7 @@
 //! the valve file that it is (`resources/valve.toml`). Parameters of the model are tunable parameters of the FMU.
 
 mod description;
+mod export;
 mod part;
 mod variables;
 
@@ -11,6 +12,7 @@ use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 pub use description::{MODEL_IDENTIFIER, Version};
+pub use export::Export;
 pub use part::{PART_FILE, Part};
 pub use variables::{
     CURRENT_IN, CURRENT_OUT, Causality, MODEL_TIME_OUT, Meaning, PRESSURE_IN, PRESSURE_OUT, SEED, Variable, set, variables,
@@ -26,17 +28,6 @@ pub const VALVE_FILE: &str = "valve.toml";
 pub const STEP_FILE: &str = "step.txt";
 /// File name of the library that goes into an FMU.
 pub const LIBRARY: &str = "libhil_fmu.so";
-
-/// A model ready to be exported.
-#[derive(Debug)]
-pub struct Export {
-    valve: Valve,
-    valve_text: String,
-    part: Part,
-    step_s: f64,
-    token: String,
-    variables: Vec<Variable>,
-}
 
 impl Export {
     /// A model, or effects about another one, from the text of its file, stepped every `step`.

@@ -5,7 +5,7 @@ use std::ffi::{CString, c_char, c_int, c_void};
 
 use libloading::{Library, Symbol};
 
-use super::process::Job;
+use super::job::Job;
 
 type Component = *mut c_void;
 /// Called with more arguments than it takes: on the platforms of FMUs the caller clears them, and none is looked at.

@@ -6,7 +6,7 @@ use std::ffi::{CString, c_char, c_int, c_void};
 use libloading::{Library, Symbol};
 
 use super::fmi2::symbol;
-use super::process::Job;
+use super::job::Job;
 
 type Instance = *mut c_void;
 type Logger = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);

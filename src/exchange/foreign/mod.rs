@@ -7,12 +7,14 @@ mod archive;
 mod description;
 mod fmi2;
 mod fmi3;
+mod job;
 mod process;
 mod trust;
 
 pub use archive::ForeignFmu;
 pub use description::{Description, Port, Ports};
-pub use process::{Job, TIME_LIMIT, Unpacked, serve};
+pub use job::Job;
+pub use process::{TIME_LIMIT, Unpacked, serve};
 pub use trust::Trust;
 
 /// What can be wrong with a foreign model.

@@ -6,9 +6,8 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use serde::{Deserialize, Serialize};
-
 use super::description::Ports;
+use super::job::Job;
 use super::{ForeignError, ForeignFmu, Trust, fmi2, fmi3};
 use crate::course::Run;
 use crate::diagnose::Plant;
@@ -21,27 +20,6 @@ const LOOK: Duration = Duration::from_millis(1);
 const WHOLE: f64 = 1e-6;
 /// Most that is read of what a model says before its end [bytes].
 const MOST_SAID: u64 = 1 << 16;
-
-/// What the child is asked for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Job {
-    /// FMI 2 or 3.
-    pub version: u8,
-    /// The library.
-    pub library: PathBuf,
-    /// The folder of the resources.
-    pub resources: PathBuf,
-    /// `guid` or `instantiationToken`.
-    pub token: String,
-    /// Where current goes in and pressure comes out.
-    pub ports: Ports,
-    /// Time between two samples [s].
-    pub dt_s: f64,
-    /// Command at each sample, held until the next [A].
-    pub current_a: Vec<f64>,
-    /// Where the pressures go, as little-endian numbers [bar]: a model may print what it likes.
-    pub result: PathBuf,
-}
 
 /// The child: reads its job, runs it, writes the pressures.
 ///

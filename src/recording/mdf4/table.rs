@@ -9,7 +9,7 @@ use super::conversion::Conversion;
 use super::layout;
 use super::{Reader, Tap};
 use crate::recording::RecordingError;
-use crate::recording::inspect::{Content, RawColumn, Table};
+use crate::recording::raw::{Content, RawColumn, Table};
 
 pub(in crate::recording) fn table(path: &Path, file: &str) -> Result<Table, RecordingError> {
     let damaged = |what: String| RecordingError::format(file, what);

@@ -10,8 +10,8 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
-use super::inspect::{Content, RawColumn, Table};
 use super::mapping::Role;
+use super::raw::{Content, RawColumn, Table};
 use super::source::{Rows, Source, resolve};
 use super::{Cells, Mapping, RecordingError};
 

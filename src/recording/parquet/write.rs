@@ -12,7 +12,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
 
-use crate::recording::{Column, RecordingError, Values, write::replace_file};
+use crate::recording::{Column, RecordingError, Values, whole::replace_file};
 
 /// Rows of one row group: bounds the memory of whoever reads the file.
 const GROUP_ROWS: usize = 1 << 20;

@@ -3,11 +3,14 @@
 mod bode;
 mod figures;
 mod tables;
+mod verdict;
 
 use maud::{Markup, html};
 
+pub use verdict::badge;
+
 use super::format;
-use crate::record::{Outcome, TestRecord, Trace};
+use crate::record::{TestRecord, Trace};
 
 /// The record and its samples as a page. An empty trace leaves the figures over time out.
 pub fn html(record: &TestRecord, trace: &Trace) -> String {
@@ -57,19 +60,5 @@ fn heading(record: &TestRecord) -> Markup {
         @if !record.reasons.is_empty() {
             .notice.bad { @for reason in &record.reasons { p { (reason) } } }
         }
-    }
-}
-
-/// A verdict in its colour.
-pub fn badge(verdict: &str, big: bool) -> Markup {
-    html! { span.badge.(verdict.to_lowercase().replace(['_', ' '], "-")).big[big] { (verdict.replace('_', " ")) } }
-}
-
-/// The class of a table row.
-fn row_class(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Pass | Outcome::NotRun => "",
-        Outcome::Marginal => "marginal",
-        Outcome::Fail | Outcome::Invalid | Outcome::Error | Outcome::Aborted => "fail",
     }
 }

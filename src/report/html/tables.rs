@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use serde_json::Value;
 
-use super::{badge, row_class};
+use super::verdict::{badge, row_class};
 use crate::record::{Measurement, Outcome, TestRecord};
 use crate::report::format;
 

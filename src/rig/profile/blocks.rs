@@ -1,7 +1,11 @@
 //! The checks of one transaction: its function, its gapless blocks of registers, and its proof of freshness.
 
-use super::check::Context;
-use super::*;
+use super::context::Context;
+use super::cycle_file::*;
+use super::file::*;
+use super::parts::*;
+use super::signal::{Signal, SignalName};
+use super::template::Template;
 
 /// Steps by which the quantity grows: with none, four requests in a row can be told apart.
 const STEPS: u16 = 3;

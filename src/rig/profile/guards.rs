@@ -1,7 +1,10 @@
 //! The checks of what guards a run: interlocks, lost samples in a row, and a device that repeats its last value.
 
-use super::check::Context;
-use super::*;
+use super::context::Context;
+use super::cycle_file::*;
+use super::file::*;
+use super::parts::*;
+use super::signal::{Signal, SignalName};
 
 /// Requests in a row that differ from one another where only the quantity or the last digit of the set-point tells them apart.
 pub const DISTINCT: u32 = 4;

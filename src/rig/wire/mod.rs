@@ -11,6 +11,7 @@ mod lock;
 mod port;
 mod probe;
 mod proof;
+mod proofs;
 mod safe;
 mod sequence;
 mod start;
@@ -21,7 +22,7 @@ pub use endpoint::{Endpoint, low_latency};
 use lock::DeviceLock;
 pub use port::{BusPort, Stream};
 pub use probe::{Findings, Probed, probe};
-use proof::Proofs;
+use proofs::Proofs;
 pub use sequence::{Sequence, rests_on_setpoint};
 
 use super::line::LineBus;
@@ -298,7 +299,7 @@ impl Rig for WireRig {
         let mut state = safe::Ending { driver, source, clock: &self.clock }.reach();
         // After a run, not at its start, where it is armed only then.
         if state.confirmed && self.origin_s.is_some() {
-            state.fault = proof::watchdog_at_end(&mut self.driver, &self.clock);
+            state.fault = proofs::watchdog_at_end(&mut self.driver, &self.clock);
         }
         self.safe = state.confirmed;
         self.options.control.note_safe(&state);

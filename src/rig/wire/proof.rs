@@ -1,45 +1,16 @@
 //! What is shown again while a run goes on: that the watchdog is still armed with its time, and that nobody else writes
 //! to the device.
 
+use super::WireRig;
 use super::bus::Loss;
-use super::{Device, WireRig};
+use super::proofs::{EVERY_S, forgotten};
 use crate::rig::profile::{Profile, TransportKind};
-use crate::rig::realtime::Clock;
 use crate::rig::{Quality, RigError};
 
-/// Time from one proof to the next [s].
-const EVERY_S: f64 = 0.5;
 /// Longest time without a proof [s].
 const LONGEST_S: f64 = 1.0;
 /// What the host needs beside the wire for one more request [s].
 const HOST_S: f64 = 0.5e-3;
-
-/// Where the proofs of a run stand.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Proofs {
-    /// Clock time of the last complete proof of the watchdog [s].
-    proven_s: f64,
-    /// Next register of the list that is read.
-    next: usize,
-    /// Why the last attempt gave nothing.
-    last: Option<String>,
-    /// Clock time of the last look for another master [s].
-    looked_s: f64,
-    /// Complete proofs of the watchdog.
-    pub count: u64,
-}
-
-impl Proofs {
-    /// Proofs that begin now, right after the start has shown everything.
-    pub fn begin(&mut self, now_s: f64) {
-        *self = Self { proven_s: now_s, looked_s: now_s, ..Self::default() };
-    }
-
-    /// Asks for the next proof at once: a connection that was made anew may lead to a device that restarted.
-    pub fn hasten(&mut self, now_s: f64) {
-        self.proven_s = self.proven_s.min(now_s - EVERY_S);
-    }
-}
 
 /// Time of one more request and its reply on the wire [s].
 pub(super) fn request_s(profile: &Profile) -> f64 {
@@ -127,40 +98,4 @@ impl WireRig {
         }
         Ok(())
     }
-}
-
-/// At the end, after the current has gone: whether the watchdog would have acted until now.
-pub(super) fn watchdog_at_end(driver: &mut Device, clock: &Clock) -> Option<String> {
-    const ATTEMPTS: u32 = 5;
-    let p = driver.profile.clone();
-    if !p.watchdog.protects() {
-        return None;
-    }
-    for register in &p.watchdog.check {
-        let mut last = String::new();
-        let found = (0..ATTEMPTS).find_map(|_| {
-            clock.sleep_until(clock.now_s() + p.frame_silence_s());
-            match driver.bus.read_register(register, p.cycle.timeout_s.max(0.02)) {
-                Ok(found) => Some(found),
-                Err(loss) => {
-                    last = loss.to_string();
-                    driver.bus.recover(p.cycle.timeout_s.max(0.02));
-                    None
-                }
-            }
-        });
-        match found {
-            Some(found) if found == register.value => {}
-            Some(found) => return Some(format!("at the end: {}", forgotten(&p, register.address, found, register.value))),
-            None => return Some(format!("at the end: that the watchdog is armed could not be shown: {last}")),
-        }
-    }
-    None
-}
-
-fn forgotten(p: &Profile, address: u16, found: u16, wanted: u16) -> String {
-    format!(
-        "the watchdog of {} {} is not armed any more: register {address} holds {found} and not {wanted}; the device restarted or forgot it",
-        p.device.vendor, p.device.model
-    )
 }
