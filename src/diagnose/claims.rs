@@ -42,8 +42,9 @@ impl Findings<'_, '_> {
         })
     }
 
-    /// Whether data of the good valve excludes effect number `k` of the chosen model; `without`: the model without it.
-    pub fn claim(&self, k: usize, without: &Fit<'_>) -> Claim {
+    /// Whether data of the good valve excludes effect number `k` of the chosen model; `without`: the model without it;
+    /// `gain_bar`: the interval of its gain on held-out data.
+    pub fn claim(&self, k: usize, without: &Fit<'_>, gain_bar: Option<(f64, f64)>) -> Claim {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
         let Some(good) = self.good else { return Claim::Lacks };
@@ -53,6 +54,10 @@ impl Findings<'_, '_> {
         }
         // Nor has one whose form is no farther off on the record than on the good valve's own drive.
         if effect.imitates_form() && without.rmse_bar < self.fitter.criteria.structure_known * self.fitter.floor_bar {
+            return Claim::Lacks;
+        }
+        // Nor one that held-out data does not confirm, or that had to go to the end of its range.
+        if effect.imitates_form() && (chosen.at_bound(k) || gain_bar.is_none_or(|i| i.0 <= 0.0)) {
             return Claim::Lacks;
         }
         let fitter = self.where_searched();

@@ -133,6 +133,7 @@ impl<'a> Findings<'_, 'a> {
             form,
             recalibration,
             unexplained,
+            coil_current: None,
             next_experiment: None,
             notes,
         };
@@ -218,7 +219,7 @@ impl<'a> Findings<'_, 'a> {
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
                 let (share, indistinguishable) = self.rivals(k, &without);
-                let claim = self.claim(k, &without);
+                let claim = self.claim(k, &without, interval);
                 let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (
@@ -227,7 +228,7 @@ impl<'a> Findings<'_, 'a> {
                         id,
                         claim,
                         share,
-                        is_class: share < fitter.criteria.name_share,
+                        is_class: share < fitter.criteria.name_share || chosen.at_bound(k),
                         parameters,
                         heldout_gain_bar: gain,
                         heldout_gain_ci_bar: interval,

@@ -13,7 +13,7 @@ use super::model::{Free, Model, Simulator};
 use crate::least_squares::{Equations, Landscape, Pace, descend, dot};
 
 /// Steps in a row that corrected derivatives may serve.
-const CORRECTED: usize = 1;
+const CORRECTED: usize = 2;
 /// Gain of a step below which a fit is at its end [nats].
 const TRIFLE_NATS: f64 = 0.02;
 /// How a descent goes.
@@ -46,6 +46,11 @@ pub struct Slopes {
 }
 
 impl Slopes {
+    /// The derivatives, one column per moving parameter.
+    pub fn columns(&self) -> &[Vec<f64>] {
+        &self.columns
+    }
+
     /// Corrects the columns so that they give the change of pressure that `step` has made; `metric` is the diagonal of
     /// the normal equations, which makes the parameters comparable.
     fn correct(&mut self, step: &[f64], metric: &[f64], before: &[f64], after: &[f64]) {
@@ -240,26 +245,5 @@ impl Fitter<'_> {
             }
         }
         normal.iter().all(|v| v.is_finite()).then_some(Equations { normal, gradient })
-    }
-
-    /// Standard errors of all parameters, from the normal equations on effective samples, so that they are inflated
-    /// by the correlation of the residual; a parameter that the record does not carry has an infinite one.
-    pub fn standard_errors(&self, fit: &Fit<'_>) -> Vec<f64> {
-        let free = fit.model.free();
-        let mut simulator = Simulator::new(self.evidence);
-        let mut residual = Vec::new();
-        self.score(&mut simulator, &fit.model, &fit.theta, &mut residual);
-        let infinite = vec![f64::INFINITY; free.len()];
-        let all: Vec<usize> = (0..free.len()).collect();
-        let slopes = self.slopes(&mut simulator, &free, &all, fit, &residual, false);
-        let Some(Equations { normal, .. }) = self.normal_equations(&slopes, &free, fit, &residual) else { return infinite };
-        // Information of a t distribution is (nu + 1)/(nu + 3) of the weighted normal equations' expectation.
-        let scale: Vec<f64> = (0..free.len()).map(|k| 1.0 / normal[(k, k)].max(1e-300).sqrt()).collect();
-        let scaled =
-            DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(i, j)] * scale[i] * scale[j] + if i == j { 1e-9 } else { 0.0 });
-        let Some(inverse) = scaled.try_inverse() else { return infinite };
-        let error = |k: usize| inverse[(k, k)].max(0.0).sqrt() * scale[k] * if free[k].log { fit.theta[k].abs() } else { 1.0 };
-        let carried = |k: usize| normal[(k, k)] > 1e-200;
-        (0..free.len()).map(|k| if carried(k) { error(k) } else { f64::INFINITY }).collect()
     }
 }

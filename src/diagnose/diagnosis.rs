@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::coil::CoilCurrent;
 use super::foreign::Recalibration;
 use super::mistake::Mistake;
 use crate::valve::Valve;
@@ -77,6 +78,9 @@ pub struct Diagnosis {
     pub candidates: Vec<Candidate>,
     /// What is left and on what it depends; `null` where nothing is left.
     pub unexplained: Option<Remainder>,
+    /// On which side of the measured coil current that lies; `null` where it was not recorded, or nothing is missing.
+    #[serde(default)]
+    pub coil_current: Option<CoilCurrent>,
     /// The experiment that would separate what cannot be told apart; `null` where nothing needs it.
     pub next_experiment: Option<NextExperiment>,
     /// What was noticed about the recording.
@@ -305,6 +309,7 @@ pub(crate) mod tests {
             place: Place::default(),
             candidates: Vec::new(),
             unexplained: None,
+            coil_current: None,
             next_experiment: None,
             notes: Vec::new(),
         }

@@ -27,7 +27,7 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>) -> Option<Evidence> {
     let steps = base.steps_per_sample(evidence).max(divided as usize);
     let most = (MOST_SAMPLES / steps).max(FEWEST_SAMPLES);
     // A foreign simulation is made once and for all of the recording.
-    if samples <= most && steps <= ROUGH || evidence.base.is_some() {
+    if evidence.base.is_some() {
         return None;
     }
     // No coarser than valves are recorded: what happens faster is seen at the samples that remain.
@@ -53,16 +53,19 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>) -> Option<Evidence> {
     Some(evidence.of_runs(runs.into_iter().unzip(), ROUGH))
 }
 
-/// What a reader should know of it.
-pub fn note(all: &Evidence, short: &Evidence) -> String {
+/// What a reader should know of it; nothing where all samples are looked at.
+pub fn note(all: &Evidence, short: &Evidence) -> Option<String> {
+    if short.samples() == all.samples() {
+        return None;
+    }
     let stretch = |run: &Run| format!("{:.1} to {:.1} s", run.time_s(0), run.time_s(run.len().saturating_sub(1)));
     let stretches: Vec<String> = short.grids.iter().map(stretch).collect();
     let every = (short.step_s() / all.step_s()).round();
     let step = if every > 1.0 { format!("one sample of {every:.0} of ") } else { String::new() };
-    format!(
+    Some(format!(
         "the recording is long: causes were looked for in {step}{}; what was found is fitted and judged on all of it",
         stretches.join(", ")
-    )
+    ))
 }
 
 /// Stretches of a run with `most` samples in all, and where the valve stands at the begin of each.
@@ -112,7 +115,9 @@ mod tests {
 
     #[test]
     fn two_minutes_are_looked_at_whole() {
-        assert!(looked_at(&Fitter::new(&evidence(12_000, 0.01))).is_none());
+        let all = evidence(12_000, 0.01);
+        let looked = looked_at(&Fitter::new(&all)).unwrap();
+        assert_eq!((looked.samples(), note(&all, &looked)), (12_000, None));
     }
 
     #[test]

@@ -7,6 +7,8 @@ use super::model::{Free, Model, Simulator};
 
 /// A recording of some hundred samples, for instance of a few steps, still counts as this many.
 const FEWEST_EFFECTIVE: f64 = 300.0;
+/// A parameter within this share of its range of an end has ended there.
+const EDGE: f64 = 1e-3;
 
 /// A fitted model.
 #[derive(Clone)]
@@ -39,10 +41,23 @@ impl Fit<'_> {
         let free = self.model.free();
         let at_edge = |k: usize| {
             let near =
-                |edge: f64| free[k].distance(self.theta[k], edge).abs() < 1e-3 * free[k].distance(free[k].range.0, free[k].range.1).abs();
+                |edge: f64| free[k].distance(self.theta[k], edge).abs() < EDGE * free[k].distance(free[k].range.0, free[k].range.1).abs();
             near(free[k].range.0) || near(free[k].range.1)
         };
         effect.parameters().iter().zip(self.model.place(last)).any(|(p, k)| p.default.is_none() && at_edge(k))
+    }
+
+    /// Whether a parameter of effect number `k` has ended where its range does, and not at the value of its plainest form: the
+    /// effect then explains by what it does not mean to be.
+    pub fn at_bound(&self, k: usize) -> bool {
+        let free = self.model.free();
+        let at = |j: usize, edge: f64| {
+            free[j].distance(self.theta[j], edge).abs() < EDGE * free[j].distance(free[j].range.0, free[j].range.1).abs()
+        };
+        self.model.effects[k].parameters().iter().zip(self.model.place(k)).any(|(p, j)| {
+            let (low, high) = free[j].range;
+            low < high && [low, high].into_iter().any(|edge| at(j, edge) && p.default != Some(edge))
+        })
     }
 }
 

@@ -8,11 +8,14 @@ use super::heldout::{carried_forward, held_out};
 use super::model::Simulator;
 use super::scatter::Scattered;
 use super::search::Search;
+use crate::physics::Kind;
 
 /// Takes causes in name only out of what was chosen; their ids. Where all together do not explain enough, as many of the first
 /// ones stay as are needed to halve the held-out error, and go on to do so beyond the data of their fit: physics that is there
 /// beside more that nothing in the library holds.
-pub fn drop_hollow(fitter: &Fitter<'_>, search: &mut Search<'_>) -> Vec<&'static str> {
+///
+/// `of_form`: whether a form of the loop may be called a cause, as data of the good valve makes it.
+pub fn drop_hollow(fitter: &Fitter<'_>, search: &mut Search<'_>, of_form: bool) -> Vec<&'static str> {
     if explains(fitter, &search.null, &search.chosen) {
         return Vec::new();
     }
@@ -21,7 +24,7 @@ pub fn drop_hollow(fitter: &Fitter<'_>, search: &mut Search<'_>) -> Vec<&'static
     let mut dropped = Vec::new();
     let mut fit = search.chosen.clone();
     let mut stays = None;
-    while let Some(k) = fit.model.effects.iter().rposition(|e| !e.imitates_form()) {
+    while let Some(k) = fit.model.effects.iter().rposition(|e| !e.imitates_form() || of_form && e.kind() != Kind::Form) {
         if held(&fit) < enough && carried_forward(fitter, &fit, &search.null) > fitter.criteria.carried {
             stays = Some((fit.clone(), dropped.len()));
         }

@@ -6,12 +6,14 @@
 
 mod base;
 mod claims;
+mod coil;
 mod comparable;
 mod conclude;
 mod criteria;
 mod descent;
 mod diagnosis;
 mod error;
+mod errors;
 mod evidence;
 mod excerpt;
 mod experiment;
@@ -39,6 +41,7 @@ mod story;
 mod watch;
 mod words;
 
+pub use coil::{CoilCurrent, Side};
 pub use diagnosis::{
     Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, Rival,
     SCHEMA, Verdict, Window,
@@ -147,7 +150,7 @@ fn on_evidence(
     let short = excerpt::excerpt(&fitter, &base);
     let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
     let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);
-    let mut hollow = hollow::drop_hollow(&fitter, &mut search);
+    let mut hollow = hollow::drop_hollow(&fitter, &mut search, good.is_some());
     hollow.extend(hollow::drop_hollow_scatter(&fitter, &search, &mut scattered));
     // What only the scatter shows is looked for about the best course.
     let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
@@ -163,6 +166,12 @@ fn on_evidence(
         scattered,
     };
     let mut found = findings.conclude();
+    if found.diagnosis.verdict != Verdict::Match {
+        found.diagnosis.coil_current = coil::coil_current(recording, &fitter, &search.null);
+        if let Some(coil) = &found.diagnosis.coil_current {
+            found.diagnosis.summary = format!("{} {}", found.diagnosis.summary, coil.text());
+        }
+    }
     if !hollow.is_empty() {
         let names: Vec<String> = hollow.iter().map(|id| title(id)).collect();
         let text = format!(
@@ -171,7 +180,7 @@ fn on_evidence(
         );
         found.diagnosis.notes.push(text);
     }
-    found.diagnosis.notes.extend(short.as_ref().map(|short| excerpt::note(&evidence, short)));
+    found.diagnosis.notes.extend(short.as_ref().and_then(|short| excerpt::note(&evidence, short)));
     // What a foreign model does on another stimulus is not simulated.
     found.diagnosis.next_experiment = if found.recalibration.is_none() { experiment::next_experiment(&found) } else { None };
     Ok(found)

@@ -8,6 +8,11 @@ use super::model::{Model, Simulator, UNSEEN_LAG_S};
 /// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
 const HOPELESS_NATS: f64 = -30.0;
 
+/// A second start goes on where it is no farther behind the first [nats].
+const NEAR_NATS: f64 = 6.0;
+/// Steps of a fit after which who is far behind stays there.
+const FIRST_STEPS: usize = 5;
+
 /// How many starts make room for the effect, and how many of these go on: for a first effect, and beside others.
 const FIRST: (usize, usize) = (6, 3);
 const LATER: (usize, usize) = (4, 2);
@@ -56,14 +61,25 @@ impl Fitter<'_> {
         rough
     }
 
+    /// The first few steps of [`Fitter::finish`], which show who may still win: one fit, or two that are near each other.
+    pub fn begin<'a>(&self, mut rough: Vec<Fit<'a>>) -> Vec<Fit<'a>> {
+        let mut simulator = Simulator::new(self.evidence);
+        let both = rough.len() > 1 && self.gain(&rough[1], &rough[0]) < NEAR_NATS;
+        rough.truncate(if both { 2 } else { 1 });
+        let mut fits: Vec<Fit<'a>> =
+            rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(FIRST_STEPS))).collect();
+        fits.sort_by(|a, b| self.objective(a).total_cmp(&self.objective(b)));
+        fits
+    }
+
     /// The best of what [`Fitter::screen`] has found, brought to the end with all parameters free; only a few steps where
     /// it is hopeless.
     pub fn finish<'a>(&self, mut rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
         let mut simulator = Simulator::new(self.evidence);
         // A second start goes on only where it may still win.
-        let both = !hopeless && rough.len() > 1 && self.gain(&rough[1], &rough[0]) < 6.0;
+        let both = !hopeless && rough.len() > 1 && self.gain(&rough[1], &rough[0]) < NEAR_NATS;
         rough.truncate(if both { 2 } else { 1 });
-        let steps = if hopeless { 5 } else { 18 };
+        let steps = if hopeless { FIRST_STEPS } else { 18 };
         let fine = rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
         let best = fine.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
         if hopeless { best } else { self.walk(&mut simulator, best) }

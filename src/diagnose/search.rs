@@ -21,10 +21,10 @@ const TIE: f64 = 1.0;
 const CAUSE_FIRST: f64 = 0.5;
 /// Bounds on how many samples count as one.
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
-/// Share of the best candidate's gain after a few steps from which on a candidate is fitted to the end,
-const PROMISING: f64 = 0.3;
-/// and how many are in any case.
-const FINALISTS: usize = 8;
+/// Share of the best candidate's gain from which on a candidate is fitted to the end.
+const PROMISING: f64 = 0.5;
+/// Share of the evidence for a name below which the best of a round is not looked at more closely.
+const STUCK: f64 = 0.25;
 /// Candidates within this difference of BIC of the best one get its base,
 const HANDED_NATS: f64 = 60.0;
 /// and so many steps from there.
@@ -116,8 +116,10 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
             fitter.tau_samples = correlation(fitter, &best);
         }
         let effective = fitter.effective();
-        hand_back(fitter, &chosen, &mut ranked);
-        simplify(fitter, &mut ranked);
+        if ranked.iter().any(|r| fitter.gain(&chosen, &r.fit) > stuck_nats(fitter)) {
+            hand_back(fitter, &chosen, &mut ranked);
+            simplify(fitter, &mut ranked);
+        }
         ranked.sort_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective)));
         chosen = same_effort(fitter, chosen, &ranked);
         if chosen.model.effects.is_empty() {
@@ -161,6 +163,11 @@ fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'a> {
         let carried = gain > fitter.criteria.carried * (less.rmse_bar - fit.rmse_bar) && fit.rmse_bar < less.rmse_bar;
         let stood_in = !fitter.squared && less.prior_nats - fit.prior_nats > 0.5 * fitter.criteria.very_strong;
         let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
+        // Beside a cause that was found, a recalibration that does as well is the plainer answer.
+        if k > 0 && !signed && gain < fitter.criteria.worth * without.rmse_bar() {
+            fit = less;
+            continue;
+        }
         if !stood_in && !signed && !carried && p_value > fitter.criteria.confirmed && interval.is_some_and(|i| i.0 <= 0.0) {
             fit = less;
         }
@@ -270,18 +277,24 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
             (effect, fitter.screen(&model, incumbent, &starts))
         })
         .collect();
-    let mut gains: Vec<f64> = screened.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).collect();
-    gains.sort_by(|a, b| b.total_cmp(a));
-    let needed = (PROMISING * gains.first().copied().unwrap_or(0.0)).min(gains.get(FINALISTS).copied().unwrap_or(f64::NEG_INFINITY));
-    screened
+    let begun: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> =
+        screened.into_par_iter().map(|(effect, fits)| (effect, fitter.begin(fits))).collect();
+    let best = begun.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max);
+    let needed = (PROMISING * best).max(stuck_nats(fitter));
+    begun
         .into_par_iter()
-        .map(|(effect, fits)| {
+        .map(|(effect, mut fits)| {
             let hopeless = fitter.gain(incumbent, &fits[0]) < needed;
-            let fit = fitter.finish(fits, hopeless);
+            let fit = if hopeless { fits.swap_remove(0) } else { fitter.finish(fits, false) };
             watch::tried(effect, &incumbent.model.effects, incumbent.rmse_bar, fit.rmse_bar);
             Ranked { effect, fit }
         })
         .collect()
+}
+
+/// A gain below this [nats] is far from evidence for a name.
+fn stuck_nats(fitter: &Fitter<'_>) -> f64 {
+    STUCK * fitter.criteria.very_strong
 }
 
 /// What an effect may look at to propose where its fit begins.

@@ -267,3 +267,58 @@ fn spoilt_readings_are_no_cause_where_most_of_the_error_lies_elsewhere() {
     let d = diagnose(&spoilt, &valve()).unwrap().diagnosis;
     assert!(!named(&d), "{}", d.summary);
 }
+
+#[test]
+fn the_measured_current_parts_what_lies_before_it_from_what_lies_behind() {
+    let side = |driver_lag_s: f64, chamber_lag_s: f64| {
+        let mut of = recording(&valve());
+        let run = &mut of.runs[0];
+        let mut coil_a = run.current_a[0];
+        let mut random = rand_pcg::Pcg64::seed_from_u64(7);
+        let (sensor, probe) = (Normal::new(0.0, NOISE_BAR).unwrap(), Normal::new(0.0, 2e-4).unwrap());
+        let share = if driver_lag_s > 0.0 { 1.0 - (-0.01 / driver_lag_s).exp() } else { 1.0 };
+        let current: Vec<f64> = run
+            .current_a
+            .iter()
+            .map(|command| {
+                coil_a += share * (command - coil_a);
+                coil_a
+            })
+            .collect();
+        let mut true_valve = valve();
+        if chamber_lag_s > 0.0 {
+            true_valve.effects.push(specification(effect("first_order_lag").unwrap(), &[chamber_lag_s, 1.0]));
+        }
+        let pressure = simulate(&true_valve, Input::Ramp, &run.time_s, &current).unwrap();
+        run.pressure_bar = Some(pressure.iter().map(|p| p + sensor.sample(&mut random)).collect());
+        run.current_meas_a = Some(current.iter().map(|i| i + probe.sample(&mut random)).collect());
+        let found = diagnose(&of, &valve()).unwrap().diagnosis;
+        let said = found.coil_current.map(|c| c.missing);
+        assert_eq!(said.is_some(), found.summary.contains("measured coil current"), "{}", found.summary);
+        said
+    };
+    assert_eq!(side(0.15, 0.0), Some(Side::Before));
+    assert_eq!(side(0.0, 0.15), Some(Side::Behind));
+    assert_eq!(side(0.15, 0.15), Some(Side::Both));
+    assert_eq!(side(0.0, 0.0), None);
+}
+
+#[test]
+fn an_effect_at_the_end_of_its_range_is_told_from_its_plainest_form() {
+    let valve = valve();
+    let base = Model::base(&valve).unwrap();
+    let at_bound = |id: &str, change: &[(usize, f64)]| {
+        let effect = effect(id).unwrap();
+        let model = base.with(effect, 0.0);
+        let mut theta = [base.calibrated(), model.starts(effect).remove(0)].concat();
+        let place = model.place(0);
+        change.iter().for_each(|(j, value)| theta[place.start + j] = *value);
+        fit::Fit { model, theta, mean_nats: 0.0, prior_nats: 0.0, scale_bar: 1.0, rmse_bar: 1.0 }.at_bound(0)
+    };
+    assert!(!at_bound("rate_dependent_hysteresis", &[]));
+    // A loop that widens by hardly any power of the rate is one that is wider at every rate.
+    assert!(at_bound("rate_dependent_hysteresis", &[(1, 0.05)]));
+    // No travel is the plainest form; so is a drift that goes on for ever.
+    assert!(!at_bound("rate_dependent_hysteresis", &[(2, 0.0)]));
+    assert!(!at_bound("sensor_drift", &[(1, 2000.0)]));
+}

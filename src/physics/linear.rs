@@ -141,10 +141,10 @@ impl Dynamic for SecondOrder {
     #[inline]
     fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
         let (x, v) = (self.value, self.slope);
-        let [value, slope] = [0, 1].map(|i| {
-            let [a, b, c, d] = self.weights[i];
-            self.a[i][0] * x + self.a[i][1] * v + (a * from + b * input.to + c * input.mean + d * input.jump)
-        });
+        let [[aa, ab], [ba, bb]] = self.a;
+        let driven = |[a, b, c, d]: [f64; 4]| a * from + b * input.to + c * input.mean + d * input.jump;
+        let value = aa * x + ab * v + driven(self.weights[0]);
+        let slope = ba * x + bb * v + driven(self.weights[1]);
         (self.value, self.slope) = (value, slope);
         Step { to: value, mean: input.mean - self.mean.0 * (slope - v) - self.mean.1 * (value - x), jump: 0.0 }
     }

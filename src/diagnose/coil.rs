@@ -1,0 +1,136 @@
+//! Before or behind the coil current: where that current was measured, it parts the valve from what drives it.
+//!
+//! The model without further effects is calibrated anew with the measured current in place of the command. What it then still
+//! misses arises behind the coil current, in magnet, spool, oil or sensor; what is gone with it came from before: a message, a
+//! driver, a coil.
+
+use serde::{Deserialize, Serialize};
+
+use super::evidence::Evidence;
+use super::fit::{Fit, Fitter};
+use super::model::Model;
+use super::search::recalibrated;
+use super::start;
+use crate::course::{Course, Input, Preparation};
+use crate::recording::Recording;
+
+/// Share of the samples at which the current has to be measured.
+const MEASURED: f64 = 0.9;
+/// Reach of the play that noise of one standard deviation cannot cross.
+const PLAY: f64 = 3.0;
+/// A measured current that never differs by more than this from the command is the command [A].
+const SAME_A: f64 = 1e-6;
+
+/// On which side of the coil current lies what is missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// With the measured current nearly nothing is missing.
+    Before,
+    /// With the measured current as much is missing.
+    Behind,
+    /// With the measured current less is missing.
+    Both,
+}
+
+/// What the measured coil current says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CoilCurrent {
+    /// Where what is missing lies.
+    pub missing: Side,
+    /// RMSE of the calibrated model, without further effects, driven by the command [bar].
+    pub rmse_command_bar: f64,
+    /// The same driven by the measured current [bar].
+    pub rmse_measured_bar: f64,
+}
+
+impl CoilCurrent {
+    /// What it means, for a reader.
+    pub fn text(&self) -> String {
+        let place = match self.missing {
+            Side::Before => "what is missing lies before it, between command and current (message, driver, coil)",
+            Side::Behind => "what is missing lies behind it (magnet, spool, oil, sensor)",
+            Side::Both => {
+                "a part of what is missing lies before it (message, driver, coil), the rest behind it (magnet, spool, oil, sensor)"
+            }
+        };
+        format!(
+            "By the measured coil current {place}: the calibrated model is off by {:.3} bar RMSE with the command and by {:.3} bar with the measured current.",
+            self.rmse_command_bar, self.rmse_measured_bar
+        )
+    }
+}
+
+/// Compares the calibrated model `null`, driven by the command, with the same driven by the measured current. `None` where that
+/// was not recorded, or the base misses no more than the floor.
+pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) -> Option<CoilCurrent> {
+    let missing = |rmse_bar: f64| rmse_bar.powi(2) - fitter.floor_bar.powi(2);
+    let before = missing(null.rmse_bar);
+    if before <= fitter.floor_bar.powi(2) || fitter.evidence.base.is_some() {
+        return None;
+    }
+    let driven = by_measured(recording)?;
+    let valve = null.model.valve;
+    let mut evidence =
+        Evidence::of(Course::take(driven, &Preparation { input: Some(Input::Ramp), ..Preparation::default() }).ok()?).ok()?;
+    let base = Model::base(valve).ok()?.on(&evidence);
+    let base = if evidence.is_slow() { base.of_process(evidence.step_s()) } else { base };
+    let unsettled = start::unsettled(&mut evidence, &base);
+    let mut measured = Fitter::new(&evidence);
+    for k in unsettled {
+        measured.measured[k] = f64::NAN;
+    }
+    let (fit, _) = recalibrated(&measured, base);
+    let gone = 1.0 - missing(fit.rmse_bar).max(0.0) / before;
+    let (explains, structure) = (fitter.criteria.explains, fitter.criteria.structure);
+    let missing = if gone >= explains && fit.rmse_bar <= structure * fitter.floor_bar {
+        Side::Before
+    } else if gone <= 1.0 - explains {
+        Side::Behind
+    } else {
+        Side::Both
+    };
+    Some(CoilCurrent { missing, rmse_command_bar: null.rmse_bar, rmse_measured_bar: fit.rmse_bar })
+}
+
+/// The recording with the measured current in place of the command, its noise followed by a play: to the hysteresis of a valve
+/// each reversal of it would be one of the spool.
+fn by_measured(recording: &Recording) -> Option<Recording> {
+    let mut driven = recording.clone();
+    let (mut all, mut known, mut apart_a) = (0usize, 0usize, 0.0f64);
+    for run in &mut driven.runs {
+        let mut measured = run.current_meas_a.take()?;
+        let reach_a = PLAY * noise_a(&measured);
+        follow(&mut measured, reach_a);
+        for (command, current) in run.current_a.iter_mut().zip(measured).filter(|(command, _)| command.is_finite()) {
+            all += 1;
+            if current.is_finite() {
+                known += 1;
+                apart_a = apart_a.max((current - *command).abs());
+                *command = current;
+            }
+        }
+    }
+    (known as f64 >= MEASURED * all as f64 && apart_a > SAME_A).then_some(driven)
+}
+
+/// Standard deviation of white noise on a smooth signal, by the median of its second differences.
+fn noise_a(signal_a: &[f64]) -> f64 {
+    let bends = signal_a.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).filter(|b| b.is_finite());
+    let mut bends: Vec<f64> = bends.collect();
+    let middle = bends.len() / 2;
+    if bends.is_empty() {
+        return 0.0;
+    }
+    // A normal distribution's median is 0.6745 of its deviation, which three samples raise by the root of 1 + 4 + 1.
+    *bends.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.6745 * 6.0f64.sqrt())
+}
+
+/// Lets the signal move only where it has left its last value by more than `reach_a`.
+fn follow(signal_a: &mut [f64], reach_a: f64) {
+    let mut last = f64::NAN;
+    for value in signal_a.iter_mut().filter(|v| v.is_finite()) {
+        last = if last.is_nan() { *value } else { last.clamp(*value - reach_a, *value + reach_a) };
+        *value = last;
+    }
+}

@@ -1,0 +1,74 @@
+//! Standard errors of a fit: from the curvature of the loss on effective samples, and from what the blocks of the record say one
+//! by one. The larger counts, as each misses what the other sees.
+//!
+//! The first takes the residual for noise that hangs together over its correlation time. Where the model is off, the residual
+//! follows the current instead, and hangs together with the derivatives: the blocks then pull a parameter to and fro more than
+//! such noise would, which the covariance of their scores shows (Liang and Zeger, Biometrika 73 (1986) 13).
+
+use nalgebra::DMatrix;
+
+use super::descent::Slopes;
+use super::fit::{Fit, Fitter};
+use super::heldout::blocks;
+use super::loss;
+use super::model::{Free, Simulator};
+use crate::least_squares::{Equations, dot};
+
+/// A parameter with less information than this is not carried by the record.
+const NOTHING: f64 = 1e-200;
+
+impl Fitter<'_> {
+    /// Standard errors of all parameters; a parameter that the record does not carry has an infinite one.
+    pub fn standard_errors(&self, fit: &Fit<'_>) -> Vec<f64> {
+        let free = fit.model.free();
+        let mut simulator = Simulator::new(self.evidence);
+        let mut residual = Vec::new();
+        self.score(&mut simulator, &fit.model, &fit.theta, &mut residual);
+        let infinite = vec![f64::INFINITY; free.len()];
+        let all: Vec<usize> = (0..free.len()).collect();
+        let slopes = self.slopes(&mut simulator, &free, &all, fit, &residual, false);
+        // Information of a t distribution is (nu + 1)/(nu + 3) of the weighted normal equations' expectation.
+        let Some(Equations { normal, .. }) = self.normal_equations(&slopes, &free, fit, &residual) else { return infinite };
+        let Some(inverse) = inverse(&normal) else { return infinite };
+        let by_blocks = self.by_blocks(&slopes, &free, fit, &residual, &inverse);
+        let error = |k: usize| {
+            let variance = inverse[(k, k)].max(0.0).max(by_blocks[k]);
+            variance.sqrt() * if free[k].log { fit.theta[k].abs() } else { 1.0 }
+        };
+        (0..free.len()).map(|k| if normal[(k, k)] > NOTHING { error(k) } else { f64::INFINITY }).collect()
+    }
+
+    /// Variances of the parameters by the scores of the blocks, in the units in which they move. `inverse`: that of the normal
+    /// equations; both are in nats of effective samples.
+    fn by_blocks(&self, slopes: &Slopes, free: &[Free], fit: &Fit<'_>, residual: &[f64], inverse: &DMatrix<f64>) -> Vec<f64> {
+        let block = blocks(self);
+        let count = block.last().map_or(0, |b| b + 1);
+        let columns = slopes.columns();
+        let scale_bar = if self.squared { fit.rmse_bar } else { fit.scale_bar };
+        let pull = |e: f64| if self.squared { e } else { loss::weight(e, scale_bar) * e };
+        let pulls: Vec<f64> = residual.iter().map(|e| if e.is_finite() { pull(*e) } else { 0.0 }).collect();
+        let unit = 1.0 / (scale_bar * scale_bar * self.tau_samples);
+        let mut scores = DMatrix::zeros(count, free.len());
+        let mut begin = 0;
+        for b in 0..count {
+            let end = begin + block[begin..].iter().take_while(|of| **of == b).count();
+            for (k, column) in columns.iter().enumerate() {
+                scores[(b, k)] = unit * dot(&pulls[begin..end], &column[begin..end]);
+            }
+            begin = end;
+        }
+        // Few blocks that the parameters were fitted to pull less than they would have.
+        let used = (count as f64 - free.len() as f64).max(1.0);
+        let meat = scores.transpose() * &scores * (count as f64 / used);
+        let covariance = inverse * meat * inverse;
+        (0..free.len()).map(|k| covariance[(k, k)]).collect()
+    }
+}
+
+/// Inverse of the normal equations, scaled to a unit diagonal on the way.
+fn inverse(normal: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let n = normal.nrows();
+    let scale: Vec<f64> = (0..n).map(|k| 1.0 / normal[(k, k)].max(1e-300).sqrt()).collect();
+    let scaled = DMatrix::from_fn(n, n, |i, j| normal[(i, j)] * scale[i] * scale[j] + if i == j { 1e-9 } else { 0.0 });
+    Some(DMatrix::from_fn(n, n, |i, j| scale[i] * scale[j]).component_mul(&scaled.try_inverse()?))
+}
