@@ -34,6 +34,9 @@ pub struct Station {
     /// Largest current that this station may send, whatever plan and profile allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_current: Option<Current>,
+    /// Pressure at which a run ends in the safe state, whatever plan and profile allow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_pressure: Option<Pressure>,
     /// The oil.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub oil: Option<Oil>,
@@ -152,6 +155,13 @@ impl Station {
         let wrong = |key: &str, problem: String| Err(BatchError::Input(format!("{source_name}: {key}: {problem}")));
         if station.id.trim().is_empty() {
             return wrong("id", "is blank".into());
+        }
+        for (key, value) in
+            [("max_current", station.max_current.map(Current::value)), ("max_pressure", station.max_pressure.map(Pressure::value))]
+        {
+            if value.is_some_and(|v| v <= 0.0) {
+                return wrong(key, "is not positive, so nothing could be tested".into());
+            }
         }
         for (k, i) in station.instruments.iter().enumerate() {
             if i.calibrated.is_some_and(|c| c > i.due) {

@@ -25,7 +25,7 @@ use crate::rig::paced::Paced;
 use crate::rig::profile::{Profile, TransportKind};
 use crate::rig::simulated::SimulatedRig;
 use crate::runner::{self, Attended, Prepared, RunOptions, glances};
-use crate::units::Current;
+use crate::units::{Current, Pressure};
 use crate::valve::Valve;
 
 /// How often somebody looks at a simulation that goes by the clock.
@@ -210,7 +210,7 @@ impl Setup {
     }
 }
 
-/// Driver and line of each site, with the station's limit of the current.
+/// Driver and line of each site, with the station's limits of current and pressure.
 fn sites(args: &RigArgs, station: Option<&Station>) -> Result<Vec<WireArgs>, CliError> {
     if args.sim {
         return Ok(Vec::new());
@@ -219,6 +219,10 @@ fn sites(args: &RigArgs, station: Option<&Station>) -> Result<Vec<WireArgs>, Cli
     if let Some(most) = station.and_then(|s| s.max_current) {
         let own = first.max_current.map_or(most.value(), |m| m.value().min(most.value()));
         first.max_current = Some(Current::new(own));
+    }
+    if let Some(most) = station.and_then(|s| s.max_pressure) {
+        let own = first.max_pressure.map_or(most.value(), |m| m.value().min(most.value()));
+        first.max_pressure = Some(Pressure::new(own));
     }
     on_wire::endpoint(&first.port, &first.tcp, "--driver")?;
     if !args.sites.is_empty() && first.pressure_driver.is_some() {

@@ -7,12 +7,12 @@ use clap::Args;
 use super::batch_args::RigArgs;
 use super::batch_bench::Setup;
 use super::batch_error::failed;
-use super::run::key_value;
+use super::run::{exit_code, key_value};
 use super::{CliError, CliResult, exit, files, run_folder};
 use crate::batch::master;
 use crate::batch::station::Station;
 use crate::plan::Override;
-use crate::record::{Dut, Provenance};
+use crate::record::{Dut, Outcome, Provenance};
 
 /// Arguments of `hil master`.
 #[derive(Debug, Args)]
@@ -55,6 +55,7 @@ pub fn run(args: &MasterArgs) -> CliResult {
     let check = master::judge(&station, &record, jiff::Timestamp::now()).map_err(failed)?;
     let log = master::log_path(&args.station);
     master::append(&log, &check).map_err(failed)?;
+    record.reasons.iter().for_each(|reason| super::note(reason));
     let verdict = if check.as_expected { "as it should" } else { "NOT as it should: the gate stays closed" };
     super::print(&format!("master {} got {}, {verdict}\n", check.serial, check.outcome.text()))?;
     if record.ended_unsafe() {
@@ -62,5 +63,10 @@ pub fn run(args: &MasterArgs) -> CliResult {
         return Ok(exit::RIG);
     }
     super::note(&format!("stored in {}, logged in {}", folder.display(), log.display()));
-    Ok(if check.as_expected { exit::DONE } else { exit::NEGATIVE })
+    Ok(match record.outcome {
+        Outcome::Pass | Outcome::Marginal | Outcome::Fail | Outcome::NotRun if check.as_expected => exit::DONE,
+        Outcome::Pass | Outcome::Marginal | Outcome::Fail | Outcome::NotRun => exit::NEGATIVE,
+        // No verdict, so nothing is said of the station.
+        outcome @ (Outcome::Invalid | Outcome::Error | Outcome::Aborted) => exit_code(outcome),
+    })
 }

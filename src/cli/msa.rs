@@ -12,7 +12,7 @@ use super::batch_bench::Setup;
 use super::batch_error::failed;
 use super::outputs::Force;
 use super::progress::Counted;
-use super::run::key_value;
+use super::run::{exit_code, key_value};
 use super::{CliError, CliResult, exit, files};
 use crate::batch::measuring::{Instrument, MeasuringCapability, measuring_capability};
 use crate::batch::msa::{GaugeStudy, Study, gauge_study};
@@ -22,7 +22,7 @@ use crate::batch::tally::measurements;
 use crate::batch::{BatchError, readings};
 use crate::output::{Mark, Outputs};
 use crate::plan::Override;
-use crate::record::{Dut, TestRecord};
+use crate::record::{Dut, Outcome, TestRecord};
 use crate::report::batch::{msa_markdown, msa_text};
 use crate::units::Unit;
 
@@ -205,8 +205,10 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
             if record.ended_unsafe() {
                 return Err(CliError::rig(format!("{}: {}", record.dut.serial, record.reasons.join("; "))));
             }
-            if record.outcome == crate::record::Outcome::Aborted {
-                return Err(CliError { code: exit::ABORTED, message: record.reasons.join("; ") });
+            // What was measured under a broken condition is no reading.
+            if matches!(record.outcome, Outcome::Aborted | Outcome::Invalid | Outcome::Error) {
+                let message = format!("{}: {}", record.dut.serial, record.reasons.join("; "));
+                return Err(CliError { code: exit_code(record.outcome), message });
             }
             emulated |= record.rig.emulated;
             let found = reading(&record, metric)?;

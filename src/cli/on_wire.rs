@@ -129,6 +129,13 @@ pub fn run_seated(
     let prepared = prepared.cloned();
     let profile = load_profile(args.driver.as_deref().unwrap_or_default())?;
     let at = endpoint(&args.port, &args.tcp, "--driver")?;
+    for (option, value) in
+        [("--max-current", args.max_current.map(|q| q.value())), ("--max-pressure", args.max_pressure.map(|q| q.value()))]
+    {
+        if value.is_some_and(|v| v <= 0.0) {
+            return Err(CliError::usage(format!("{option}: is not positive, so nothing could be tested")).into());
+        }
+    }
     let pressure_source = match &args.pressure_driver {
         Some(name) => Some((load_profile(name)?, endpoint(&args.pressure_port, &args.pressure_tcp, "--pressure-driver")?)),
         None => None,

@@ -6,7 +6,9 @@ use clap::Args;
 
 use super::last_word;
 use super::on_wire::{endpoint, load_profile};
+use super::run::stop_on_signals;
 use super::{CliError, CliResult, exit};
+use crate::rig::RigError;
 use crate::rig::loop_thread::safe_text;
 use crate::rig::wire::probe;
 
@@ -28,12 +30,16 @@ pub struct ProbeArgs {
 pub fn run(args: &ProbeArgs) -> CliResult {
     let profile = load_profile(&args.driver)?;
     let at = endpoint(&args.port, &args.tcp, "--driver")?;
-    let probed = probe(&profile, &at);
+    let stop = stop_on_signals()?;
+    let probed = probe(&profile, &at, &stop);
     let confirmed = probed.safe.as_ref().is_none_or(|s| s.confirmed);
     if let Some(state) = &probed.safe {
         last_word::note(state);
     }
-    let found = probed.findings.map_err(CliError::rig)?;
+    let found = probed.findings.map_err(|error| match error {
+        RigError::Stopped { .. } => CliError { code: exit::ABORTED, message: format!("{error}; {}", safe_text(&probed.safe)) },
+        error => CliError::rig(error),
+    })?;
     let mut text = format!("{} {} ({})\n", profile.device.vendor, profile.device.model, profile.name);
     for (what, value) in &found.facts {
         text.push_str(&format!("  {what:<20} {value}\n"));

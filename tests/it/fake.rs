@@ -28,6 +28,8 @@ pub struct Turn<'a> {
     pub reply: Option<Vec<u8>>,
     /// Whole frames that are sent before it, whatever their ids.
     pub before: Vec<Vec<u8>>,
+    /// Requests that reach the device so much later [s], when the line has given up on them.
+    pub later: Vec<(f64, Vec<u8>)>,
     /// Set to close the connection after this turn.
     pub close: bool,
 }
@@ -69,6 +71,8 @@ type Meddle = Box<dyn FnMut(&mut Turn<'_>) + Send>;
 struct Inside {
     device: Device,
     meddle: Meddle,
+    /// Requests with the time at which the device gets them.
+    late: Vec<(f64, u8, Vec<u8>)>,
     start: Instant,
 }
 
@@ -92,7 +96,7 @@ impl Fake {
         let address = listener.local_addr().unwrap().to_string();
         listener.set_nonblocking(true).unwrap();
         let device = Device::new(Arc::new(profile.clone()), load);
-        let inside = Arc::new(Mutex::new(Inside { device, meddle: Box::new(meddle), start: Instant::now() }));
+        let inside = Arc::new(Mutex::new(Inside { device, meddle: Box::new(meddle), late: Vec::new(), start: Instant::now() }));
         let stop = Arc::new(AtomicBool::new(false));
         let (shared, ended) = (Arc::clone(&inside), Arc::clone(&stop));
         std::thread::spawn(move || {
@@ -102,9 +106,13 @@ impl Fake {
                     std::thread::spawn(move || serve(stream, &shared, &ended));
                 }
                 std::thread::sleep(Duration::from_millis(1));
-                let mut inside = shared.lock().unwrap();
-                let now_s = inside.start.elapsed().as_secs_f64();
-                inside.device.advance(now_s);
+                let Inside { device, late, start, .. } = &mut *shared.lock().unwrap();
+                let now_s = start.elapsed().as_secs_f64();
+                for (_, unit, request) in late.extract_if(.., |l| l.0 <= now_s) {
+                    device.received(now_s);
+                    device.execute(now_s, unit, &request);
+                }
+                device.advance(now_s);
             }
         });
         Self { inside, stop, address }
@@ -141,13 +149,15 @@ fn serve(mut stream: TcpStream, shared: &Mutex<Inside>, ended: &AtomicBool) {
         while let Parsed::Request(request) = parse_tcp(&buffer) {
             buffer.drain(..request.length);
             let mut guard = shared.lock().unwrap();
-            let Inside { device, meddle, start } = &mut *guard;
+            let Inside { device, meddle, late, start } = &mut *guard;
             let now_s = start.elapsed().as_secs_f64();
             device.received(now_s);
             let reply = device.execute(now_s, request.unit, &request.pdu);
             let (id, unit) = (request.transaction, request.unit);
-            let mut turn = Turn { device, now_s, id, unit, request: request.pdu, reply, before: Vec::new(), close: false };
+            let mut turn =
+                Turn { device, now_s, id, unit, request: request.pdu, reply, before: Vec::new(), later: Vec::new(), close: false };
             meddle(&mut turn);
+            late.extend(turn.later.drain(..).map(|(in_s, pdu)| (now_s + in_s, unit, pdu)));
             let frames: Vec<Vec<u8>> = turn.before.drain(..).chain(turn.reply.as_ref().map(|pdu| tcp(id, unit, pdu, false))).collect();
             let close = turn.close;
             drop(guard);

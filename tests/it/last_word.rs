@@ -37,24 +37,37 @@ expect = "pass"
 
 /// A device that says nothing more after the second set-point that is not zero; `slots` requests suffice where none comes.
 fn silent_after(slots: u64) -> Fake {
+    silent_after_then(slots, || ())
+}
+
+/// The same; `then` is called when it falls silent.
+pub fn silent_after_then(slots: u64, then: impl Fn() + Send + 'static) -> Fake {
     let (seen, currents) = (AtomicU64::new(0), AtomicU64::new(0));
     Fake::start(&driver("emulator-tcp"), move |turn| {
         let current = turn.is_slot() && turn.request.get(10..14).is_some_and(|bytes| bytes != [0; 4]);
         let seen = seen.fetch_add(u64::from(turn.is_slot()), Ordering::Relaxed);
         if currents.fetch_add(u64::from(current), Ordering::Relaxed) > 1 || seen > slots {
+            then();
             turn.reply = None;
         }
     })
 }
 
-struct Said {
-    code: i32,
-    out: String,
-    err: String,
+pub struct Said {
+    pub code: i32,
+    pub out: String,
+    pub err: String,
 }
 
 /// A command line in a folder with plan, station and list of valves; `before` is put before the program by a shell.
 fn hil(folder: &Path, line: &str, before: &str) -> Said {
+    let out = prepared(folder, line, before).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    Said { code: out.status.code().unwrap_or(-1), out: text(&out.stdout), err: text(&out.stderr) }
+}
+
+/// The same, not yet begun.
+pub fn prepared(folder: &Path, line: &str, before: &str) -> Command {
     for (name, text) in [("plan.toml", PLAN), ("station.toml", STATION), ("lot.csv", "serial\nA-1\nA-2\n")] {
         std::fs::write(folder.join(name), text).unwrap();
     }
@@ -66,12 +79,11 @@ fn hil(folder: &Path, line: &str, before: &str) -> Said {
     }
     let mut command = Command::new("sh");
     command.current_dir(folder).args(["-c", &format!("{before} exec {} {line}", env!("CARGO_BIN_EXE_hil"))]);
-    let out = command.stdin(Stdio::null()).output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    Said { code: out.status.code().unwrap_or(-1), out: text(&out.stdout), err: text(&out.stderr) }
+    command.stdin(Stdio::null());
+    command
 }
 
-fn told(line: &str, said: &Said) {
+pub fn told(line: &str, said: &Said) {
     let all = format!("{line}: exit {}\n{}\n{}", said.code, said.out, said.err);
     assert_eq!(said.code, 4, "{all}");
     assert!(said.err.contains("SAFE STATE NOT CONFIRMED - REMOVE POWER"), "not on the console: {all}");

@@ -1,5 +1,6 @@
 //! Integration tests: the library and the program from outside.
 
+mod allowed;
 mod answers;
 #[cfg(unix)]
 mod batch;
@@ -30,6 +31,7 @@ mod simulate;
 mod soak;
 #[cfg(unix)]
 mod station;
+mod ways_out;
 mod wire;
 mod wire_ends;
 mod wire_peers;

@@ -105,7 +105,9 @@ pub fn open(profile: &Profile, endpoint: &Endpoint, period_s: f64, options: Opti
     let mut profile = profile.clone();
     profile.check_period(period_s).map_err(wrong)?;
     if let Some(max_a) = options.current_max_a {
+        // By magnitude: a current of the wrong sign opens a valve too.
         profile.limit.max_a = profile.limit.max_a.min(max_a);
+        profile.limit.min_a = profile.limit.min_a.max(-max_a);
     }
     if let Some(max_bar) = options.pressure_max_bar {
         profile.interlock.pressure_max_bar = Some(profile.interlock.pressure_max_bar.map_or(max_bar, |own| own.min(max_bar)));

@@ -1,6 +1,8 @@
 //! A look at a device without driving it: identity, readings, round trips, the highest loop rate; nothing but zero is
 //! ever written.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::safe::Ending;
 use super::{Bus, Device, Endpoint, Incoming, Loss, open_device};
 use crate::rig::profile::{LARGEST_SHARE, Profile, RegisterValue, Role, SignalName, Table, TransportKind};
@@ -34,14 +36,14 @@ pub struct Probed {
     pub safe: Option<SafeState>,
 }
 
-/// Looks at the device behind a profile. Whatever comes of it, a driver that was written to is left in its safe state.
-pub fn probe(profile: &Profile, endpoint: &Endpoint) -> Probed {
+/// Looks at the device behind a profile, until `stop`. Whatever comes of it, a driver that was written to is left in its safe state.
+pub fn probe(profile: &Profile, endpoint: &Endpoint, stop: &AtomicBool) -> Probed {
     let (mut device, clock) = match open_device(profile, endpoint) {
         Ok(open) => open,
         Err(error) => return Probed { findings: Err(error), safe: None },
     };
     let mut written = false;
-    let findings = look(profile, &mut device, &clock, &mut written);
+    let findings = look(profile, &mut device, &clock, stop, &mut written);
     let safe = (written && profile.role == Role::Driver && confirms_itself(profile))
         .then(|| Ending { driver: &mut device, source: None, clock: &clock }.reach());
     Probed { findings, safe }
@@ -52,7 +54,8 @@ fn confirms_itself(profile: &Profile) -> bool {
     profile.safe_state.is_some_and(|s| profile.signal(s.name).is_some())
 }
 
-fn look(profile: &Profile, device: &mut Device, clock: &Clock, written: &mut bool) -> Result<Findings, RigError> {
+fn look(profile: &Profile, device: &mut Device, clock: &Clock, stop: &AtomicBool, written: &mut bool) -> Result<Findings, RigError> {
+    let stopped = || if stop.load(Ordering::Relaxed) { Err(RigError::Stopped { signal: "a signal" }) } else { Ok(()) };
     let mut found = Findings { facts: device.bus.details(), ..Findings::default() };
     for r in &profile.start.identity {
         let value = device.bus.read_register(r, REPLY_S).map_err(|loss| match loss {
@@ -78,6 +81,7 @@ fn look(profile: &Profile, device: &mut Device, clock: &Clock, written: &mut boo
     if known || profile.transport.kind == TransportKind::Line {
         *written = writes;
         for _ in 0..ROUND_TRIPS {
+            stopped()?;
             let out = device.outgoing_zero().map_err(RigError::Refused)?;
             let began_s = clock.now_s();
             match device.transact_all(&out, f64::INFINITY, clock) {
@@ -97,6 +101,7 @@ fn look(profile: &Profile, device: &mut Device, clock: &Clock, written: &mut boo
             let address = t.read.as_ref().map_or(0, |b| b.address);
             let register = RegisterValue { table, address, value: 0, unit: Some(t.unit_id) };
             for _ in 0..ROUND_TRIPS {
+                stopped()?;
                 let began_s = clock.now_s();
                 match device.bus.read_register(&register, REPLY_S) {
                     Ok(_) => times.push(clock.now_s() - began_s),

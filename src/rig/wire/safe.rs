@@ -30,8 +30,8 @@ struct Attempts {
     count: u32,
     last: String,
     current_a: Option<f64>,
-    /// When zero was confirmed first.
-    confirmed_s: Option<f64>,
+    /// Whether the latest reading showed zero, and only a late request could change that.
+    seen_once: bool,
 }
 
 impl Ending<'_> {
@@ -42,7 +42,7 @@ impl Ending<'_> {
             return SafeState::of(false, "the profile has no safe state");
         };
         let began_s = self.clock.now_s();
-        let mut attempts = Attempts { began_s, count: 0, last: "nothing was read back".into(), current_a: None, confirmed_s: None };
+        let mut attempts = Attempts { began_s, count: 0, last: "nothing was read back".into(), current_a: None, seen_once: false };
         if let Some(state) = self.write_until(confirm, &mut attempts, began_s + confirm.within_s, "") {
             return state;
         }
@@ -70,13 +70,16 @@ impl Ending<'_> {
 
     fn write_until(&mut self, confirm: SafeConfirmation, attempts: &mut Attempts, until_s: f64, how: &str) -> Option<SafeState> {
         let first = attempts.count;
-        while attempts.count == first || self.clock.now_s() < until_s {
+        // A zero that was seen once is looked at again, also where the time is over by then.
+        while attempts.count == first || attempts.seen_once || self.clock.now_s() < until_s {
             attempts.count += 1;
             match self.attempt(confirm.name, &mut attempts.current_a) {
                 // By magnitude: a current of the wrong sign opens a valve too. What is no number is below nothing.
                 Ok(value) if value.abs() < confirm.below && self.may_be_overtaken(attempts) => {
                     attempts.last = format!("{} read {value:.4} once, and was not read again", confirm.name);
+                    attempts.seen_once = true;
                     self.clock.sleep_until(self.clock.now_s() + OVERTAKEN_S);
+                    continue;
                 }
                 Ok(value) if value.abs() < confirm.below => {
                     let within_s = self.clock.now_s() - attempts.began_s;
@@ -95,6 +98,7 @@ impl Ending<'_> {
                 Ok(value) => attempts.last = format!("{} still reads {value:.4}", confirm.name),
                 Err(why) => attempts.last = why,
             }
+            attempts.seen_once = false;
             self.clock.sleep_until(self.clock.now_s() + PAUSE_S);
         }
         None
@@ -102,11 +106,10 @@ impl Ending<'_> {
 
     /// Whether a request of before may still arrive behind this confirmation: after losses on a line that can hold one, zero is
     /// confirmed twice.
-    fn may_be_overtaken(&self, attempts: &mut Attempts) -> bool {
-        let holds = matches!(self.driver.profile.transport.kind, TransportKind::Tcp | TransportKind::TcpGateway);
-        let first = attempts.confirmed_s.is_none();
-        attempts.confirmed_s.get_or_insert(self.clock.now_s());
-        holds && first && (self.driver.last_loss.is_some() || attempts.count > 1)
+    fn may_be_overtaken(&self, attempts: &Attempts) -> bool {
+        // Lines of text may go through a TCP serial server, too.
+        let holds = self.driver.profile.transport.kind != TransportKind::Rtu;
+        holds && !attempts.seen_once && (self.driver.last_loss.is_some() || attempts.count > 1)
     }
 
     /// One attempt: zero, repeated by the device; then the fresh, plausible value that confirms it.
