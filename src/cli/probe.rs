@@ -37,7 +37,10 @@ pub fn run(args: &ProbeArgs) -> CliResult {
         last_word::note(state);
     }
     let found = probed.findings.map_err(|error| match error {
-        RigError::Stopped { .. } => CliError { code: exit::ABORTED, message: format!("{error}; {}", safe_text(&probed.safe)) },
+        RigError::Stopped { .. } => {
+            let left = if probed.safe.is_some() { safe_text(&probed.safe) } else { "nothing was written".into() };
+            CliError { code: exit::ABORTED, message: format!("{error}; {left}") }
+        }
         error => CliError::rig(error),
     })?;
     let mut text = format!("{} {} ({})\n", profile.device.vendor, profile.device.model, profile.name);
