@@ -317,7 +317,8 @@ fn after_losses_on_tcp_zero_is_confirmed_twice() {
         let state = rig.make_safe().unwrap();
         assert!(state.confirmed, "{state:?}");
         assert!(state.within_s.unwrap() >= 0.1 || !lost, "{state:?}");
-        once += usize::from(!lost && state.evidence.contains("attempt 1"));
+        // A first look may come before the device has measured anew; the second look after that is no second zero.
+        once += usize::from(!lost && state.within_s.unwrap() < 0.1);
         // Well within the watchdog's time: it is the second zero that took the current away.
         for _ in 0..20 {
             assert_eq!(device.coil_a(), 0.0, "{state:?}");
@@ -327,19 +328,47 @@ fn after_losses_on_tcp_zero_is_confirmed_twice() {
     assert!(once > 0, "a line that lost nothing is not looked at twice");
 }
 
+/// Zero was read once after losses, and then never again: that confirms nothing, and is told in bounded time.
+#[test]
+fn a_zero_that_is_not_seen_again_confirms_nothing() {
+    let (tell, told) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let p = driver("emulator-tcp");
+        let (currents, zeros) = (AtomicU64::new(0), AtomicU64::new(0));
+        let device = Fake::start(&p, move |turn| {
+            let current = turn.is_slot() && turn.request.get(10..14).is_some_and(|bytes| bytes != [0; 4]);
+            let after = currents.fetch_add(u64::from(current), Ordering::Relaxed) + u64::from(current);
+            let zero = turn.is_slot() && !current && after > 20;
+            // The 20th current gets no answer, the first zero at the end does, and nothing behind it.
+            if (after == 20 && current) || (zero && zeros.fetch_add(1, Ordering::Relaxed) > 0) {
+                turn.reply = None;
+            }
+        });
+        let mut rig = rig(&p, &device);
+        let _ = drive(&mut rig, 25, 0.3);
+        // The device has measured anew by the first look.
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        let _ = tell.send(rig.make_safe().unwrap());
+    });
+    let state = told.recv_timeout(std::time::Duration::from_secs(20)).expect("it never ended");
+    assert!(!state.confirmed, "{state:?}");
+}
+
 #[test]
 fn a_sample_without_a_pressure_is_not_good() {
     let p = profile(&text("emulator-tcp").replace("valid = [\"-5 bar\", \"80 bar\"]", ""));
     let slots = AtomicU64::new(0);
     let device = Fake::start(&p, move |turn| {
         let n = slots.fetch_add(u64::from(turn.is_slot()), Ordering::Relaxed);
-        if turn.is_slot() && n == 30 {
+        // Where other work makes the loop miss one, another comes.
+        if turn.is_slot() && n >= 30 && n.is_multiple_of(4) {
             turn.put_float(PRESSURE, f32::NAN);
         }
     });
     let mut rig = rig(&p, &device);
-    let (seen, ended) = drive(&mut rig, 40, 0.3);
-    assert!(ended.is_none() && seen.iter().filter(|q| **q == Quality::Implausible).count() == 1, "{seen:?}");
+    let (seen, ended) = drive(&mut rig, 100, 0.3);
+    let implausible = seen.iter().filter(|q| **q == Quality::Implausible).count();
+    assert!(ended.is_none() && (1..=20).contains(&implausible), "{seen:?}");
 }
 
 #[test]
@@ -359,13 +388,74 @@ fn a_single_spike_of_the_sensor_ends_the_run_by_default() {
     let slots = AtomicU64::new(0);
     let device = Fake::start(&p, move |turn| {
         let n = slots.fetch_add(u64::from(turn.is_slot()), Ordering::Relaxed);
-        if turn.is_slot() && n == 50 {
+        // Where other work makes the loop miss one, another comes.
+        if turn.is_slot() && n >= 50 && n.is_multiple_of(10) {
             turn.put_float(PRESSURE, 60.0);
         }
     });
     let mut rig = rig(&p, &device);
-    let error = drive(&mut rig, 80, 0.1).1.expect("a spike went by").1;
+    let error = drive(&mut rig, 200, 0.1).1.expect("a spike went by").1;
     assert!(error.to_string().contains("step of pressure"), "{error}");
+}
+
+/// What the profile of a driver allows to be measured, whatever the plan says: each limit ends the run on its own.
+#[test]
+fn every_interlock_of_a_profile_ends_the_run_on_its_own() {
+    type Change = fn(&mut super::fake::Turn<'_>, u64);
+    let kinds: [(&str, Change, &str); 4] = [
+        ("pressure_max = \"20 bar\"", |turn, _| turn.put_float(PRESSURE, 20.5), "pressure 20.500 bar above"),
+        ("pressure_max = \"70 bar\"\ncurrent_max = \"400 mA\"", |turn, _| turn.put_float(CURRENT, 0.41), "measured current"),
+        ("pressure_max = \"70 bar\"\ncurrent_max = \"400 mA\"", |turn, _| turn.put_float(CURRENT, -0.41), "measured current"),
+        // 2 bar in each slot: 200 bar/s, far below half of what the bench may see.
+        (
+            "pressure_max = \"70 bar\"\npressure_rate_max = \"150 bar/s\"",
+            |turn, n| turn.put_float(PRESSURE, 12.0 + 2.0 * (n % 10) as f32),
+            "rate of pressure",
+        ),
+    ];
+    for (limits, change, what) in kinds {
+        let without = text("emulator-tcp")
+            .replace("pressure_max = \"70 bar\"\ncurrent_max = \"1250 mA\"\n", "")
+            .replace("valid = [\"0 mA\", \"1300 mA\"]", "valid = [\"-1300 mA\", \"1300 mA\"]")
+            .replace("current_deviation = \"50 mA\"\ncurrent_deviation_for = \"100 ms\"\n", "");
+        for with in [true, false] {
+            let limits = if with { limits } else { "pressure_max = \"70 bar\"" };
+            let p = profile(&without.replace("[interlock]", &format!("[interlock]\n{limits}")));
+            let slots = AtomicU64::new(0);
+            let device = Fake::start(&p, move |turn| {
+                let n = slots.fetch_add(u64::from(turn.is_slot()), Ordering::Relaxed);
+                if turn.is_slot() && n >= 50 {
+                    change(turn, n);
+                }
+            });
+            let mut rig = rig(&p, &device);
+            let ended = drive(&mut rig, 120, 0.3).1;
+            match (with, ended) {
+                (true, Some((_, error))) => {
+                    assert!(matches!(error, RigError::Interlock { .. }) && error.to_string().contains(what), "{limits}: {error}");
+                }
+                (true, None) => panic!("{limits}: went by"),
+                (false, ended) => assert!(!matches!(ended, Some((_, RigError::Interlock { .. }))), "{what}: {ended:?}"),
+            }
+            assert!(rig.make_safe().unwrap().current_a.is_none_or(|a| a.abs() <= 0.41));
+        }
+    }
+}
+
+/// A driver that can turn its current round: the station's limit holds for both signs.
+#[test]
+fn the_largest_current_of_a_station_holds_for_both_signs() {
+    let both = text("emulator-tcp")
+        .replace("limit = { min = \"0 mA\"", "limit = { min = \"-1200 mA\"")
+        .replace("valid = [\"0 mA\", \"1300 mA\"]", "valid = [\"-1300 mA\", \"1300 mA\"]");
+    let p = profile(&both);
+    for current_a in [0.31f64, -0.31] {
+        let device = Fake::start(&p, |_| ());
+        let options = Options { current_max_a: Some(0.3), ..Options::default() };
+        let mut rig = open(&p, &device.endpoint(), PERIOD_S, options).unwrap_or_else(|e| panic!("{e}"));
+        assert!(rig.step(current_a.signum() * 0.29, PERIOD_S).is_ok(), "{current_a}");
+        assert!(matches!(rig.step(current_a, 2.0 * PERIOD_S), Err(RigError::Refused(_))), "{current_a}");
+    }
 }
 
 #[test]

@@ -30,6 +30,8 @@ struct Attempts {
     count: u32,
     last: String,
     current_a: Option<f64>,
+    /// Whether a request or its reply went astray.
+    astray: bool,
     /// Whether the latest reading showed zero, and only a late request could change that.
     seen_once: bool,
 }
@@ -42,7 +44,8 @@ impl Ending<'_> {
             return SafeState::of(false, "the profile has no safe state");
         };
         let began_s = self.clock.now_s();
-        let mut attempts = Attempts { began_s, count: 0, last: "nothing was read back".into(), current_a: None, seen_once: false };
+        let mut attempts =
+            Attempts { began_s, count: 0, last: "nothing was read back".into(), current_a: None, astray: false, seen_once: false };
         if let Some(state) = self.write_until(confirm, &mut attempts, began_s + confirm.within_s, "") {
             return state;
         }
@@ -73,7 +76,7 @@ impl Ending<'_> {
         // A zero that was seen once is looked at again, also where the time is over by then.
         while attempts.count == first || attempts.seen_once || self.clock.now_s() < until_s {
             attempts.count += 1;
-            match self.attempt(confirm.name, &mut attempts.current_a) {
+            match self.attempt(confirm.name, attempts) {
                 // By magnitude: a current of the wrong sign opens a valve too. What is no number is below nothing.
                 Ok(value) if value.abs() < confirm.below && self.may_be_overtaken(attempts) => {
                     attempts.last = format!("{} read {value:.4} once, and was not read again", confirm.name);
@@ -109,15 +112,18 @@ impl Ending<'_> {
     fn may_be_overtaken(&self, attempts: &Attempts) -> bool {
         // Lines of text may go through a TCP serial server, too.
         let holds = self.driver.profile.transport.kind != TransportKind::Rtu;
-        holds && !attempts.seen_once && (self.driver.last_loss.is_some() || attempts.count > 1)
+        holds && !attempts.seen_once && (self.driver.last_loss.is_some() || attempts.astray)
     }
 
     /// One attempt: zero, repeated by the device; then the fresh, plausible value that confirms it.
-    fn attempt(&mut self, confirm: SignalName, current_a: &mut Option<f64>) -> Result<f64, String> {
+    fn attempt(&mut self, confirm: SignalName, attempts: &mut Attempts) -> Result<f64, String> {
         let out = self.driver.outgoing(0.0, true).map_err(|e| e.to_string())?;
         let sent_s = self.clock.now_s();
-        let values = self.driver.transact_all(&out, f64::INFINITY, self.clock)?;
-        if values.get(SignalName::Setpoint).is_some_and(|raw| raw != out.setpoint) {
+        let replied = self.driver.transact_all(&out, f64::INFINITY, self.clock);
+        let repeated = |values: &Incoming| values.get(SignalName::Setpoint).is_none_or(|raw| raw == out.setpoint);
+        attempts.astray |= !replied.as_ref().is_ok_and(repeated);
+        let values = replied?;
+        if !repeated(&values) {
             return Err("the device repeats another set-point".into());
         }
         self.driver.shows_new_conversion(&values, (sent_s, self.clock.now_s()))?;
@@ -127,7 +133,7 @@ impl Ending<'_> {
             Some(if signal.plausible(raw) { Ok(signal.from_raw(raw)) } else { Err(format!("raw {name} = {raw} cannot be")) })
         };
         if let Some(Ok(value)) = read(self.driver, &values, SignalName::Current) {
-            *current_a = Some(value);
+            attempts.current_a = Some(value);
         }
         if let Some(result) = read(self.driver, &values, confirm) {
             return result;
