@@ -193,6 +193,8 @@ units! {
     PRESSURE_PER_CURRENT PressurePerCurrentUnit PressurePerCurrent "slope of pressure over current" "bar/A" 3 ["bar/A" 1.0, "bar/mA" 1e3];
     /// Oil or coil temperature, kept in degC.
     TEMPERATURE TemperatureUnit Temperature "temperature" "degC" 1 ["degC" 1.0, "°C" 1.0];
+    /// Difference of two temperatures, kept in K.
+    TEMPERATURE_CHANGE TemperatureChangeUnit TemperatureChange "temperature difference" "K" 1 ["K" 1.0];
     /// Angle, kept in deg.
     ANGLE AngleUnit Angle "angle" "deg" 3 ["deg" 1.0, "°" 1.0, "rad" 57.295_779_513_082_32];
     /// Level of a gain, kept in dB.

@@ -49,7 +49,7 @@ fn write_trace(path: &Path, record: &TestRecord, trace: &Trace) -> Result<(), Re
     let phases: Vec<&str> = trace.phase.iter().map(|p| record.phases.get(usize::from(*p)).map_or("", |p| p.name.as_str())).collect();
     let quality: Vec<&str> = trace.quality.iter().map(|q| q.name()).collect();
     let numbers = |name, values| Column { name, values: Values::Numbers(values) };
-    let table = vec![
+    let mut table = vec![
         numbers("time_s", &trace.time_s),
         Column { name: "phase", values: Values::Texts(&phases) },
         numbers("target_bar", &trace.target_bar),
@@ -62,6 +62,11 @@ fn write_trace(path: &Path, record: &TestRecord, trace: &Trace) -> Result<(), Re
         numbers("lateness_s", &trace.lateness_s),
         numbers("round_trip_s", &trace.round_trip_s),
     ];
+    for (name, values) in [("oil_temp_c", &trace.oil_temp_c), ("supply_bar", &trace.supply_bar)] {
+        if values.iter().any(|v| v.is_finite()) {
+            table.push(numbers(name, values));
+        }
+    }
     write_parquet(path, &[table])
 }
 
@@ -90,6 +95,8 @@ pub fn read_trace(folder: &Path, record: &TestRecord) -> Result<Option<Trace>, C
         feedback_a: numbers("feedback_a"),
         pressure_bar: numbers("pressure_bar"),
         current_meas_a: numbers("current_meas_a"),
+        oil_temp_c: numbers("oil_temp_c"),
+        supply_bar: numbers("supply_bar"),
         lateness_s: numbers("lateness_s"),
         round_trip_s: numbers("round_trip_s"),
         ..Trace::default()
@@ -106,6 +113,8 @@ pub fn read_trace(folder: &Path, record: &TestRecord) -> Result<Option<Trace>, C
         &mut trace.feedback_a,
         &mut trace.pressure_bar,
         &mut trace.current_meas_a,
+        &mut trace.oil_temp_c,
+        &mut trace.supply_bar,
         &mut trace.lateness_s,
         &mut trace.round_trip_s,
     ] {

@@ -5,6 +5,7 @@
 
 mod characteristic;
 mod frequency_response;
+mod influence;
 mod line;
 mod loop_width;
 mod model_error;
@@ -23,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 pub use characteristic::{PressureGain, StartCurrent};
 pub use frequency_response::{BandwidthGain, BandwidthPhase, Response, frequency_response};
+pub use influence::{SupplySensitivity, TemperatureSensitivity};
 pub use line::{Line, Linearity};
 pub use loop_width::{HysteresisWidth, HysteresisWidthInput};
 pub use model_error::{ModelRmse, ModelRmseAverage};
@@ -51,6 +53,10 @@ pub struct Signals<'a> {
     pub feedback_a: &'a [f64],
     /// Measured pressure [bar]; NaN where no usable sample came.
     pub pressure_bar: &'a [f64],
+    /// Oil temperature [degC]; empty where the rig has none.
+    pub oil_temp_c: &'a [f64],
+    /// Supply pressure [bar]; empty where the rig has none.
+    pub supply_bar: &'a [f64],
     /// Pressure that the hyperbolic model gives for the same current [bar]; empty where nobody asked for it.
     pub model_bar: &'a [f64],
     /// Pressure that the average model gives [bar]; empty where nobody asked for it.
@@ -115,6 +121,24 @@ pub enum NotMeasurable {
     NoSuchMove {
         /// What it should have done.
         wanted: &'static str,
+    },
+    /// The rig does not measure what the figure is about.
+    #[error("the rig measures no {name}")]
+    NoChannel {
+        /// What is missing.
+        name: &'static str,
+    },
+    /// What the figure is a slope over hardly changed.
+    #[error("the {name} changed by {changed:.2} {unit}; {needed:.2} {unit} are needed")]
+    TooLittleChange {
+        /// What should have changed.
+        name: &'static str,
+        /// By how much it did.
+        changed: f64,
+        /// By how much it must.
+        needed: f64,
+        /// Its unit.
+        unit: &'static str,
     },
     /// The input does not excite the frequencies that are wanted.
     #[error("the input excites {from_hz:.2} to {to_hz:.2} Hz, and the response does not {wanted} there")]
@@ -234,6 +258,10 @@ pub enum MetricSpec {
     BandwidthGain(BandwidthGain),
     /// Frequency at which the response lags by 90 deg.
     BandwidthPhase(BandwidthPhase),
+    /// Change of the pressure with the oil temperature.
+    TemperatureSensitivity(TemperatureSensitivity),
+    /// Change of the pressure with the supply.
+    SupplySensitivity(SupplySensitivity),
     /// RMSE of the hyperbolic model.
     ModelRmse(ModelRmse),
     /// RMSE of the average model.

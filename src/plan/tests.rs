@@ -90,7 +90,7 @@ fn wrong_units_keys_and_types_are_underlined() {
        |                                                        ^^^^^^^^^
     "#);
     insta::assert_snapshot!(refused("metric.settling_time", "metric.setling_time"), @r#"
-    unknown variant `setling_time`, expected one of `rmse`, `rmse_band`, `max_error`, `steady_offset`, `rise_time`, `fall_time`, `dead_time`, `settling_time`, `overshoot`, `hysteresis_width`, `hysteresis_width_input`, `linearity`, `repeatability`, `pressure_gain`, `start_current`, `dead_band`, `threshold`, `reversal_error`, `bandwidth_gain`, `bandwidth_phase`, `model_rmse`, `model_rmse_average`, `feed_forward_share`, `feedback_share`, `max_pressure`, `min_pressure`
+    unknown variant `setling_time`, expected one of `rmse`, `rmse_band`, `max_error`, `steady_offset`, `rise_time`, `fall_time`, `dead_time`, `settling_time`, `overshoot`, `hysteresis_width`, `hysteresis_width_input`, `linearity`, `repeatability`, `pressure_gain`, `start_current`, `dead_band`, `threshold`, `reversal_error`, `bandwidth_gain`, `bandwidth_phase`, `temperature_sensitivity`, `supply_sensitivity`, `model_rmse`, `model_rmse_average`, `feed_forward_share`, `feedback_share`, `max_pressure`, `min_pressure`
       --> example.toml:28:8
        |
     28 | metric.setling_time.band = "2 %"

@@ -296,6 +296,10 @@ pub struct Trace {
     pub pressure_bar: Vec<f64>,
     /// Measured current [A]; NaN where the rig has none.
     pub current_meas_a: Vec<f64>,
+    /// Oil temperature [degC]; NaN where the rig has none.
+    pub oil_temp_c: Vec<f64>,
+    /// Supply pressure [bar]; NaN where the rig has none.
+    pub supply_bar: Vec<f64>,
     /// Quality of each sample.
     pub quality: Vec<crate::rig::Quality>,
     /// Lateness of each slot [s].

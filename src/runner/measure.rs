@@ -39,6 +39,8 @@ impl Columns {
                 feed_forward_a: &trace.feed_forward_a,
                 feedback_a: &trace.feedback_a,
                 pressure_bar: &self.usable_bar,
+                oil_temp_c: &trace.oil_temp_c,
+                supply_bar: &trace.supply_bar,
                 model_bar: &self.model_bar,
                 average_model_bar: &self.average_model_bar,
             },

@@ -223,6 +223,8 @@ impl<'a> Bench<'a> {
             feedback_a: column(),
             pressure_bar: column(),
             current_meas_a: column(),
+            oil_temp_c: column(),
+            supply_bar: column(),
             quality: Vec::with_capacity(samples),
             lateness_s: column(),
             round_trip_s: column(),
@@ -297,6 +299,8 @@ impl<'a> Bench<'a> {
         trace.feedback_a.push(parts.1);
         trace.pressure_bar.push(sample.pressure_bar);
         trace.current_meas_a.push(sample.current_a.unwrap_or(f64::NAN));
+        trace.oil_temp_c.push(sample.oil_temp_c.unwrap_or(f64::NAN));
+        trace.supply_bar.push(sample.supply_bar.unwrap_or(f64::NAN));
         trace.quality.push(sample.quality);
         trace.lateness_s.push(sample.lateness_s);
         trace.round_trip_s.push(sample.round_trip_s);

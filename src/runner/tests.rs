@@ -365,3 +365,30 @@ fn while_a_question_stands_the_current_is_held_and_nothing_is_measured() {
     let (record, ..) = run(1, false);
     assert!(record.outcome == Outcome::Error && record.reasons[0].contains("nobody is there to answer"), "{:?}", record.reasons);
 }
+
+/// What a bench measures beside the valve reaches the figures and the trace.
+#[test]
+fn a_sensitivity_needs_its_channel_and_is_measured_where_there_is_one() {
+    let text = include_str!("../../examples/batch/influence.plan.toml");
+    let plan = plan(&text.replace("20 min", "4 s"));
+    let of = |record: &TestRecord| -> Vec<(Option<f64>, Outcome, Option<String>)> {
+        let measured = record.phases.iter().flat_map(|p| &p.measurements);
+        measured.map(|m| (m.value, m.outcome, m.reason.clone())).collect()
+    };
+    let mut rig = Faulty::new(|k, s: &mut Sample| {
+        let t = k as f64 * 0.01;
+        s.oil_temp_c = Some(30.0 + 5.0 * t);
+        s.supply_bar = Some(60.0 - 0.25 * t * t);
+        s.pressure_bar = if t < 4.0 { 18.0 - 0.01 * 5.0 * t } else { 18.0 + 0.02 * (0.25 * t * t) };
+        Ok(())
+    });
+    let (record, trace) = run_on(&plan, &mut rig, None);
+    // 10 mbar/K, and -20 mbar/bar, of 40 bar rated.
+    assert_eq!(of(&record), [(Some(-0.0025), Outcome::Pass, None), (Some(-0.005), Outcome::Pass, None)]);
+    assert_eq!((trace.oil_temp_c[100], trace.supply_bar[0]), (35.0, 60.0));
+    let (record, trace) = run_on(&plan, &mut simulated(3), None);
+    let reasons: Vec<String> = of(&record).into_iter().filter_map(|m| m.2).collect();
+    assert_eq!(reasons, ["the rig measures no oil temperature", "the rig measures no supply pressure"]);
+    assert_eq!(record.outcome, Outcome::Fail, "a limit on what was not measured fails");
+    assert!(trace.supply_bar.iter().all(|p| p.is_nan()));
+}
