@@ -269,6 +269,7 @@ fn a_power_cut_after_any_call_of_a_batch_loses_tears_and_doubles_nothing() {
     let line = "batch plan.toml --duts lot.csv --sim --threads 1 --out out";
     let Some(calls) = traced(folder.path(), line) else { return };
     let cuts = cut_after_every_call(folder.path(), line, &calls, true);
+    println!("{cuts} cuts after {} calls", calls.len());
     assert!(cuts > 100, "{cuts} cuts in {} calls", calls.len());
 }
 
@@ -281,6 +282,7 @@ fn the_disk_knows_of_an_attempt_before_its_current_flows() {
     let line = format!("batch plan.toml --duts lot.csv --driver emulator-tcp --tcp {address} --out out");
     let Some(calls) = traced(folder.path(), &line) else { return };
     let cuts = cut_after_every_call(folder.path(), &line, &calls, false);
+    println!("{cuts} cuts after {} calls", calls.len());
     assert!(cuts > 100, "{cuts} cuts in {} calls", calls.len());
 }
 
