@@ -72,3 +72,52 @@ fn inverse(normal: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scaled = DMatrix::from_fn(n, n, |i, j| normal[(i, j)] * scale[i] * scale[j] + if i == j { 1e-9 } else { 0.0 });
     Some(DMatrix::from_fn(n, n, |i, j| scale[i] * scale[j]).component_mul(&scaled.try_inverse()?))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::course::{Input, Run};
+    use crate::diagnose::base::AT;
+    use crate::diagnose::evidence::{Evidence, MIDDLE};
+    use crate::diagnose::model::Model;
+    use crate::valve::Valve;
+
+    /// Standard error of the gain of a straight line whose readings are off by `error_bar`, at a sample and its time.
+    fn of_gain(error_bar: impl Fn(usize, f64) -> f64) -> f64 {
+        let text = "schema = \"hil.valve/1\"\nname = \"test\"\ncurrent_limits = [\"0 A\", \"1 A\"]\nhysteresis = \"none\"\n\
+                    [curve]\nascending = [20.0, 0.0]\ndescending = [20.0, 0.0]\n";
+        let valve = Valve::from_toml(text, "test").unwrap();
+        let current: Vec<f64> = (0..12_000).map(|k| 0.5 + 0.3 * (0.01 * k as f64 * 2.0).sin()).collect();
+        let pressure = current.iter().enumerate().map(|(k, i)| 20.0 * i + error_bar(k, *i)).collect();
+        let evidence = Evidence {
+            grids: vec![Run::even(None, 0.0, 0.01, current, pressure)],
+            noise_bar: 0.02,
+            input: Input::Held,
+            most_inner: crate::physics::MOST_INNER,
+            notes: Vec::new(),
+            start_shares: vec![MIDDLE],
+            base: None,
+        };
+        let base = Model::base(&valve).unwrap().on(&evidence);
+        let fitter = Fitter { tau_samples: 1.0, squared: true, ..Fitter::new(&evidence) };
+        let fit = fitter.refit(&base, &base.calibrated());
+        fitter.standard_errors(&fit)[AT.gain]
+    }
+
+    #[test]
+    fn a_gain_that_wanders_from_block_to_block_is_known_less_well_than_noise_of_that_size_would_have_it() {
+        let mut state = 1u64;
+        let chance: Vec<f64> = (0..12_000)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+            })
+            .collect();
+        let noise = of_gain(|k, _| 0.2 * chance[k]);
+        // The gain is one per cent higher in every other stretch of 10 s: as large an error, in RMS 0.06 bar.
+        let wandering = of_gain(|k, i| if (k / 1000).is_multiple_of(2) { 0.2 * (i - 0.5) } else { -0.2 * (i - 0.5) });
+        assert!(wandering > 5.0 * noise, "{wandering} {noise}");
+        // White noise of 0.058 bar on 12,000 samples of a sine of 6 bar, whose mean square is 18 bar^2.
+        assert!((0.5..2.0).contains(&(noise / (0.2 / 12.0f64.sqrt() / (12_000.0f64 * 18.0).sqrt()))), "{noise}");
+    }
+}
