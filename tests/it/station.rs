@@ -54,12 +54,18 @@ struct Served {
 
 impl Served {
     fn begin(folder: &Path, plan: &str) -> Self {
-        std::fs::write(folder.join("station.toml"), STATION).unwrap();
+        Self::with(folder, STATION, plan)
+    }
+
+    /// What it says on its standard error stands in the file `said`.
+    fn with(folder: &Path, station: &str, plan: &str) -> Self {
+        std::fs::write(folder.join("station.toml"), station).unwrap();
         std::fs::write(folder.join("plan.toml"), plan).unwrap();
         let mut child = Command::new(env!("CARGO_BIN_EXE_hil"))
             .args(["station", "station.toml", "--listen", "127.0.0.1:0", "--viewer-token"])
             .current_dir(folder)
             .stdout(Stdio::piped())
+            .stderr(std::fs::File::create(folder.join("said")).unwrap())
             .spawn()
             .unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
@@ -84,8 +90,11 @@ impl Served {
 
 impl Drop for Served {
     fn drop(&mut self) {
-        let _ = Command::new("kill").arg(self.child.id().to_string()).status();
-        let _ = self.child.wait();
+        // One that has ended already may have left its number to another program.
+        if self.child.try_wait().is_ok_and(|ended| ended.is_none()) {
+            let _ = Command::new("kill").arg(self.child.id().to_string()).status();
+            let _ = self.child.wait();
+        }
     }
 }
 
@@ -254,6 +263,27 @@ fn a_record_is_the_same_with_viewers_and_without_and_from_hil_batch() {
     traces.push(std::fs::read(folder.path().join("lot/valves/A1/attempt-1/trace.parquet")).unwrap());
     assert!(records[0] == records[1] && records[1] == records[2], "{}\n{}\n{}", records[0], records[1], records[2]);
     assert!(traces[0] == traces[1] && traces[1] == traces[2], "the samples differ");
+}
+
+/// A device that falls silent for good: the page shows it, and a station that is ended before somebody took the power away ends with 4.
+#[test]
+fn an_unconfirmed_safe_state_is_told_at_the_page_and_at_the_end() {
+    for signal in ["-TERM", "-INT"] {
+        let device = super::last_word::silent_after_then(150, || ());
+        let place = format!("name = \"one\"\ntcp = \"{}\"", device.address);
+        let station = STATION.replace("simulated = true", "driver = \"emulator-tcp\"").replace("name = \"one\"", &place);
+        let folder = tempfile::tempdir().unwrap();
+        let mut served = Served::with(folder.path(), &station, PLAN);
+        let operator = served.enter(&served.token);
+        assert_eq!(operator.start("A1").status, 200);
+        let site = operator.site(|s| s["light"] == "unsafe");
+        assert!(site.to_string().contains("NOT CONFIRMED"), "{site}");
+        assert_eq!(operator.start("A2").status, 409, "nothing else is tried at that site");
+        assert!(Command::new("kill").args([signal, &served.child.id().to_string()]).status().unwrap().success());
+        let ended = served.child.wait().unwrap();
+        let said = std::fs::read_to_string(folder.path().join("said")).unwrap();
+        assert!(ended.code() == Some(4) && said.contains("SAFE STATE NOT CONFIRMED - REMOVE POWER"), "{ended:?}: {said}");
+    }
 }
 
 /// A record without what says when and where it was made.
