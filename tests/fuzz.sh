@@ -13,7 +13,7 @@ export PATH=$work/bin:$PATH XDG_DATA_HOME=$work/share CARGO_TARGET_DIR=$work/tar
 [ -d "$work/share" ] || cargo afl config --build
 cargo afl build --release --manifest-path tests/fuzz/Cargo.toml
 program=$work/target/release/hil-fuzz
-export AFL_SKIP_CPUFREQ=1 AFL_NO_UI=1 AFL_NO_AFFINITY=1 AFL_I_DONT_CARE_ABOUT_MISSING_CRASHES=1 AFL_SKIP_CRASHES=1 TMPDIR=${TMPDIR:-/dev/shm}
+export RUST_BACKTRACE=0 AFL_SKIP_CPUFREQ=1 AFL_NO_UI=1 AFL_NO_AFFINITY=1 AFL_I_DONT_CARE_ABOUT_MISSING_CRASHES=1 AFL_SKIP_CRASHES=1 AFL_HANG_TMOUT=10000 TMPDIR=${TMPDIR:-/dev/shm}
 targets=("$@"); [ ${#targets[@]} -gt 0 ] || mapfile -t targets < <("$program" list)
 bad=0
 echo "target | inputs | edges found | kept | panics or too much memory | hangs"
