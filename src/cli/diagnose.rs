@@ -13,7 +13,7 @@ use super::{CliError, CliResult, exit};
 use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story, tell_of_candidates};
 use crate::exchange::{Attached, BaseFile};
 use crate::output::{Mark, Outputs};
-use crate::physics::EFFECTS;
+use crate::physics::effect;
 use crate::recording::{Reading, Recording, RecordingError, Selection, replace_file};
 use crate::report;
 use crate::valve::{Hysteresis, Identification, Valve};
@@ -135,11 +135,10 @@ fn take_out(valve: &mut Valve, part: &str) -> Result<(), CliError> {
         id => {
             let before = valve.effects.len();
             valve.effects.retain(|e| e.id != id);
-            if id == "first_order_lag" && valve.lag_s > 0.0 {
-                valve.lag_s = 0.0;
-            } else if valve.effects.len() == before {
+            let of_base = effect(id).is_some_and(|e| e.leave_base(valve));
+            if !of_base && valve.effects.len() == before {
                 let parts: Vec<&str> = valve.effects.iter().map(|e| e.id.as_str()).collect();
-                let known = if EFFECTS.iter().any(|e| e.id() == id) { "is not in this model" } else { "is no part" };
+                let known = if effect(id).is_some() { "is not in this model" } else { "is no part" };
                 return Err(CliError::usage(format!(
                     "--without {id}: {known}; the model has: hysteresis, delay{}{}",
                     if parts.is_empty() { "" } else { ", " },

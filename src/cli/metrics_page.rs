@@ -25,34 +25,38 @@ struct Knob {
     parameter: &'static str,
     unit: &'static str,
     most: f64,
+    /// Whether it makes the valve slower, which is what a time should be tried with first.
+    slows: bool,
+    /// A further parameter that the effect wants, with its value.
+    beside: Option<(&'static str, &'static str)>,
 }
 
 /// What can be wrong with a valve, the simplest first: the first knob that moves a figure to where it is wanted is used.
 const KNOBS: [Knob; 16] = [
-    Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: 5.0 },
-    Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: -5.0 },
-    Knob { effect: "reference_shift", parameter: "gain", unit: "", most: 0.39 },
-    Knob { effect: "reference_shift", parameter: "gain", unit: "", most: -0.39 },
-    Knob { effect: "reversal_dead_band", parameter: "width", unit: "A", most: 0.09 },
-    Knob { effect: "transport_delay", parameter: "extra", unit: "s", most: 0.09 },
-    Knob { effect: "first_order_lag", parameter: "tau", unit: "s", most: 0.15 },
-    Knob { effect: "reference_drift", parameter: "offset", unit: "bar", most: 5.0 },
-    Knob { effect: "reference_drift", parameter: "offset", unit: "bar", most: -5.0 },
-    Knob { effect: "reference_drift", parameter: "gain", unit: "", most: 0.29 },
-    Knob { effect: "reference_drift", parameter: "gain", unit: "", most: -0.29 },
-    Knob { effect: "stiction", parameter: "band", unit: "A", most: 0.09 },
-    Knob { effect: "sensor_dead_band", parameter: "width", unit: "bar", most: 3.0 },
-    Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: 9.0 },
-    Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: -9.0 },
-    Knob { effect: "second_order_resonance", parameter: "frequency", unit: "Hz", most: 3.0 },
+    Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: 5.0, slows: false, beside: None },
+    Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: -5.0, slows: false, beside: None },
+    Knob { effect: "reference_shift", parameter: "gain", unit: "", most: 0.39, slows: false, beside: None },
+    Knob { effect: "reference_shift", parameter: "gain", unit: "", most: -0.39, slows: false, beside: None },
+    Knob { effect: "reversal_dead_band", parameter: "width", unit: "A", most: 0.09, slows: false, beside: None },
+    Knob { effect: "transport_delay", parameter: "extra", unit: "s", most: 0.09, slows: true, beside: None },
+    Knob { effect: "first_order_lag", parameter: "tau", unit: "s", most: 0.15, slows: true, beside: None },
+    Knob { effect: "reference_drift", parameter: "offset", unit: "bar", most: 5.0, slows: false, beside: Some(("tau", "100 s")) },
+    Knob { effect: "reference_drift", parameter: "offset", unit: "bar", most: -5.0, slows: false, beside: Some(("tau", "100 s")) },
+    Knob { effect: "reference_drift", parameter: "gain", unit: "", most: 0.29, slows: false, beside: Some(("tau", "100 s")) },
+    Knob { effect: "reference_drift", parameter: "gain", unit: "", most: -0.29, slows: false, beside: Some(("tau", "100 s")) },
+    Knob { effect: "stiction", parameter: "band", unit: "A", most: 0.09, slows: false, beside: None },
+    Knob { effect: "sensor_dead_band", parameter: "width", unit: "bar", most: 3.0, slows: false, beside: None },
+    Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: 9.0, slows: false, beside: None },
+    Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: -9.0, slows: false, beside: None },
+    Knob {
+        effect: "second_order_resonance",
+        parameter: "frequency",
+        unit: "Hz",
+        most: 3.0,
+        slows: false,
+        beside: Some(("damping", "0.2")),
+    },
 ];
-
-impl Knob {
-    /// Whether it makes the valve slower, which is what a time should be tried with first.
-    fn slows(&self) -> bool {
-        matches!(self.effect, "transport_delay" | "first_order_lag")
-    }
-}
 
 struct Shipped {
     name: String,
@@ -136,8 +140,8 @@ fn verdicts(out: &mut String, shipped: &[Shipped], seeds: u64) -> Result<(), Cli
     for s in shipped {
         for (phase, metric, limit, wanted) in limits(s) {
             let time = metric.ends_with("_time");
-            let first = KNOBS.iter().filter(|knob| knob.slows() == time);
-            let knobs = first.chain(KNOBS.iter().filter(|knob| knob.slows() != time));
+            let first = KNOBS.iter().filter(|knob| knob.slows == time);
+            let knobs = first.chain(KNOBS.iter().filter(|knob| knob.slows != time));
             let found = knobs.into_iter().find_map(|knob| turned(s, knob, &phase, &metric, limit, wanted).map(|v| (knob, v)));
             let name = format!("{}, {phase}, `{metric}`", s.name);
             let Some((knob, (valve, size))) = found else {
@@ -178,12 +182,7 @@ fn limits(s: &Shipped) -> Vec<(String, String, f64, f64)> {
 
 fn changed(base: &Valve, knob: &Knob, size: f64) -> Valve {
     let mut parameters = vec![(knob.parameter.to_string(), format!("{size} {}", knob.unit).trim().to_string())];
-    let beside = match knob.effect {
-        "second_order_resonance" => Some(("damping", "0.2")),
-        "reference_drift" => Some(("tau", "100 s")),
-        _ => None,
-    };
-    parameters.extend(beside.map(|(name, value)| (name.to_string(), value.to_string())));
+    parameters.extend(knob.beside.map(|(name, value)| (name.to_string(), value.to_string())));
     let mut valve = base.clone();
     match valve.effects.iter_mut().find(|e| e.id == knob.effect) {
         // A valve that has the effect already gets the new number in place of its own.

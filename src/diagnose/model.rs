@@ -347,6 +347,8 @@ pub struct Simulator<'e> {
 struct Kept {
     current_key: Vec<f64>,
     current_a: Vec<f64>,
+    /// The same as the stages behind the curve read it.
+    at_curve_a: Vec<f64>,
     static_key: Vec<f64>,
     static_bar: Vec<f64>,
 }
@@ -393,16 +395,19 @@ impl<'e> Simulator<'e> {
             let same_current = kept.current_key == current_key && !kept.current_a.is_empty();
             if !same_current {
                 pipeline.current_stages(&context, &signals, &mut kept.current_a);
+                kept.at_curve_a.clone_from(&kept.current_a);
+                pipeline.read_between(&context, &mut kept.at_curve_a);
                 kept.current_key.clone_from(&current_key);
             }
             if !same_current || kept.static_key != static_key {
                 kept.static_bar.resize(grid.current_a.len(), 0.0);
                 pipeline.static_curve(start_share, &kept.current_a, &mut kept.static_bar);
+                pipeline.read_between(&context, &mut kept.static_bar);
                 kept.static_key = static_key.to_vec();
             }
             let from = out.len();
             out.extend_from_slice(&kept.static_bar);
-            pipeline.pressure_stages(&context, &signals.with_current(&kept.current_a), &mut out[from..]);
+            pipeline.pressure_stages(&context, &signals.with_current(&kept.at_curve_a), &mut out[from..]);
             grid.at_readings(&mut out[from..]);
         }
     }

@@ -50,9 +50,9 @@ pub(super) fn refine(problem: &Problem<'_>, fit: &Fit, survey: &Survey, weights:
     let lagged =
         follow(problem, &with, grid(problem, &with, &theta_with, survey.rate_a_per_s, (&delays, &lags), weights, limit), weights, limit);
     let (Some(plain), Some(lagged)) = (plain, lagged) else { return fit.clone() };
-    let least = if with.way.input == Input::Held { LEAST_LAG_HELD } else { LEAST_LAG };
+    let least = if with.input == Input::Held { LEAST_LAG_HELD } else { LEAST_LAG };
     let shown = with.lag_s(&lagged.theta) > least * step_s;
-    let wanted = if survey.steps == 0 && with.way.input == Input::Held {
+    let wanted = if survey.steps == 0 && with.input == Input::Held {
         // Without a lag a held command shows its delay by whole steps only, which would bend curves and loop: only strong
         // evidence speaks for that.
         select::gain(problem, &lagged, &plain, weights, survey.noise_bar) < 0.5 * LAG_GAIN
@@ -119,7 +119,7 @@ fn grid(
                 point[k] = *lag;
             }
             let narrowed = shape.narrowed(&point, rate_a_per_s, late(&point) - now);
-            let delayed = problem.delayed(*delay, shape.way);
+            let delayed = problem.delayed(*delay, shape.input);
             let of = |point: Vec<f64>| {
                 let simulated = problem.simulate(shape, &point, &delayed, false);
                 (problem.loss_of(&simulated, weights, limit), point)

@@ -7,7 +7,6 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::arrival::Way;
 use super::model::{MIN_SLOPE, Shape};
 use super::segment::{Segment, shortest_step_s};
 use crate::least_squares::{Descended, Equations, Landscape, Pace, descend, dot};
@@ -95,10 +94,10 @@ impl<'a> Problem<'a> {
     }
 
     /// The current of all segments, delayed.
-    pub fn delayed(&self, delay_s: f64, way: Way) -> Vec<f64> {
+    pub fn delayed(&self, delay_s: f64, input: Input) -> Vec<f64> {
         let mut out = vec![0.0; self.len()];
         for (k, s) in self.segments.iter().enumerate() {
-            s.delayed(delay_s, way, &mut out[self.range(k)]);
+            s.delayed(delay_s, input, &mut out[self.range(k)]);
         }
         out
     }
@@ -151,7 +150,7 @@ impl<'a> Problem<'a> {
         let step_s = self.step_s();
         // Of a held command a lag of about half a step is expected, where the data do not show another.
         let usual = 0.5 * step_s;
-        let lag = shape.lag_at().filter(|_| shape.way.input == Input::Held);
+        let lag = shape.lag_at().filter(|_| shape.input == Input::Held);
         let lag = lag.map(|k| (k, theta[k] - usual, variance / (usual * usual)));
         starts.chain(before).chain(lag).chain(shape.weights().map(|k| (k, sum, variance))).collect()
     }
@@ -209,7 +208,7 @@ impl<'a> Problem<'a> {
             // Within the sampling interval in which a held command arrives.
             k if k == shape.delay() => {
                 let part = (theta[k] / step_s).fract();
-                if shape.way.input == Input::Held && part > 0.5 { -0.02 * step_s } else { 0.02 * step_s }
+                if shape.input == Input::Held && part > 0.5 { -0.02 * step_s } else { 0.02 * step_s }
             }
             k if Some(k) == shape.lag_at() => 0.01 * theta[k].max(step_s),
             k if Some(k) == shape.ln_a() || shape.weights().contains(&k) => 1e-3,
@@ -227,7 +226,7 @@ impl<'a> Problem<'a> {
                 let step = self.step(shape, theta, k);
                 moved[k] += step;
                 let mut column = if k == shape.delay() {
-                    self.simulate(shape, &moved, &self.delayed(moved[k], shape.way), false)
+                    self.simulate(shape, &moved, &self.delayed(moved[k], shape.input), false)
                 } else {
                     self.simulate(shape, &moved, delayed_a, false)
                 };
@@ -334,7 +333,7 @@ struct Slope<'p> {
 impl Slope<'_> {
     fn at(&self, theta: Vec<f64>) -> Place {
         let (problem, shape) = (self.problem, self.shape);
-        let delayed_a = problem.delayed(theta[shape.delay()], shape.way);
+        let delayed_a = problem.delayed(theta[shape.delay()], shape.input);
         let simulated = problem.simulate(shape, &theta, &delayed_a, false);
         let mut residual = simulated.clone();
         problem.residual(&mut residual);

@@ -3,7 +3,6 @@
 //! The curves are fitted as mean and half-width in Chebyshev polynomials over the covered range, which keeps the
 //! normal equations well conditioned at any order; they are written as powers of the current, as the paper does.
 
-use super::arrival::Way;
 use super::segment::Segment;
 use crate::valve::{FreeLoop, Hysteresis, Input, Polynomial, ReferenceCurves};
 
@@ -34,7 +33,7 @@ pub(super) struct Shape {
     /// The path between the curves.
     pub form: Form,
     /// What the command does between its samples.
-    pub way: Way,
+    pub input: Input,
     /// Whether the pressure has a first-order lag.
     pub lag: bool,
     /// Range of current over which the curves are fitted [A].
@@ -53,7 +52,7 @@ impl Shape {
 
     /// Whether the delay shows by whole steps only: a held command and no lag that would show when it arrives.
     pub fn is_staircase(&self) -> bool {
-        self.way.input == Input::Held && !self.lag
+        self.input == Input::Held && !self.lag
     }
 
     /// Number of parameters of both curves.
@@ -256,13 +255,15 @@ impl Shape {
                 *o = curves.average_at(*i);
             }
         }
+        let arrival = segment.arrival(theta[self.delay()], self.input);
+        arrival.read_between(out);
         if let Some(floor) = self.floor_bar {
             for o in out.iter_mut() {
                 *o = o.max(floor);
             }
         }
         let before_bar = self.before_at(number).map_or(0.0, |k| theta[k]);
-        segment.lagged(self.lag_s(theta), before_bar, segment.arrival(theta[self.delay()], self.way), out);
+        segment.lagged(self.lag_s(theta), before_bar, arrival, out);
         segment.at_readings(out);
     }
 }
@@ -331,15 +332,8 @@ mod tests {
 
     #[test]
     fn curves_over_another_range_are_the_same_curves() {
-        let shape = Shape {
-            order: 3,
-            form: Form::Hyperbolic,
-            way: Input::Ramp.into(),
-            lag: false,
-            range_a: (0.2, 0.8),
-            floor_bar: None,
-            starts: 0,
-        };
+        let shape =
+            Shape { order: 3, form: Form::Hyperbolic, input: Input::Ramp, lag: false, range_a: (0.2, 0.8), floor_bar: None, starts: 0 };
         let theta = [10.0, 8.0, 0.4, 0.1, 0.5, 0.2, -0.1, 0.05, -1.0, 0.02];
         let (moved, there) = shape.moved(&theta, (0.1, 0.9));
         for i in [0.25, 0.5, 0.75] {
@@ -354,7 +348,7 @@ mod tests {
         let flat = Shape {
             order: 3,
             form: Form::Hyperbolic,
-            way: Input::Ramp.into(),
+            input: Input::Ramp,
             lag: false,
             range_a: (-1.0, 1.0),
             floor_bar: Some(0.0),
@@ -374,15 +368,8 @@ mod tests {
 
     #[test]
     fn a_higher_order_keeps_the_values() {
-        let low = Shape {
-            order: 1,
-            form: Form::Hyperbolic,
-            way: Input::Ramp.into(),
-            lag: false,
-            range_a: (0.2, 0.8),
-            floor_bar: None,
-            starts: 1,
-        };
+        let low =
+            Shape { order: 1, form: Form::Hyperbolic, input: Input::Ramp, lag: false, range_a: (0.2, 0.8), floor_bar: None, starts: 1 };
         let high = Shape { order: 4, lag: true, ..low.clone() };
         let theta = [10.0, 8.0, 0.4, 0.1, -1.0, 0.02, 0.3];
         let converted = low.convert(&theta, &high, 0.005);

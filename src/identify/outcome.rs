@@ -115,7 +115,7 @@ pub(super) fn outcome(
     let parameters = parameters(fit, &covariance);
     let curve_points = curve_points(fit, &covariance, survey.covered_a);
     let delay_s = fit.theta[shape.delay()];
-    let delayed = problem.delayed(delay_s, shape.way);
+    let delayed = problem.delayed(delay_s, shape.input);
     let simulated = problem.simulate(shape, &fit.theta, &delayed, false);
     let average = problem.simulate(shape, &fit.theta, &delayed, true);
     let error_of_delay = parameters.iter().find(|p| p.name == "delay").map_or(0.0, |p| p.std_error);
@@ -152,7 +152,7 @@ pub(super) fn outcome(
         recording: source_names(courses),
         sha256: (courses.len() == 1).then(|| options.sha256.first().cloned()).flatten(),
         heldout: heldout_bar.map(Pressure::new),
-        input: Some(shape.way.input),
+        input: Some(shape.input),
         fit_percent: Some((1e4 * quality.fit_percent).round() / 1e4),
         adequate: Some(quality.adequate),
         recordings: evidence::recordings(courses, &options.sha256, problem.segments, &fit.residual_bar, survey.noise_bar),
@@ -188,7 +188,7 @@ pub(super) fn outcome(
         rmse_average_model_bar,
         parameters,
         curve_points,
-        input: shape.way.input,
+        input: shape.input,
         quality,
         correlation_time_samples: time,
         orders,
@@ -238,7 +238,7 @@ fn rmse_of_all(courses: &[Course], fit: &Fit) -> (f64, f64) {
     windows::pieces(courses, |segment, skip| {
         delayed.resize(segment.len(), 0.0);
         out.resize(segment.len(), 0.0);
-        segment.delayed(delay_s, fit.shape.way, &mut delayed);
+        segment.delayed(delay_s, fit.shape.input, &mut delayed);
         for (n, average) in [false, true].into_iter().enumerate() {
             fit.shape.simulate(&fit.theta, &curves, (usize::MAX, segment), &delayed, &mut out, average);
             for (s, p) in out.iter().zip(&segment.pressure_bar).skip(skip).filter(|(_, p)| p.is_finite()) {

@@ -1,9 +1,8 @@
 //! The loss along the delay, with all else fitted again: what the curvature at the minimum alone cannot say.
 //!
-//! A sampled current turns at the highest of its delayed samples, and a step falls between two samples in a way of its
-//! own: with the delay, both go to and fro once per sampling interval. The loss over the delay therefore has a kink
-//! every half interval and may have a minimum in each; on a triangle of constant rate the neighbouring minima are about
-//! as deep as the best, and the curvature differs from one half interval to the next by a factor of four. Profile likelihood: Bates and
+//! A step of a held current falls between two samples in a way of its own, and goes to and fro once per sampling interval with the
+//! delay. The loss over the delay may therefore have a kink and a minimum in each; on a triangle of constant rate the neighbouring minima
+//! are about as deep as the best, and the curvature differs from one interval to the next. Profile likelihood: Bates and
 //! Watts, *Nonlinear Regression Analysis and Its Applications* (1988), chapter 6.
 
 use nalgebra::{DMatrix, DVector};
@@ -65,7 +64,7 @@ fn along(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64, unit: f6
     if !(error_s.is_finite() && error_s > 0.0 && unit > 0.0 && step_s > 0.0) {
         return vec![own];
     }
-    let delayed = problem.delayed(fit.theta[delay], shape.way);
+    let delayed = problem.delayed(fit.theta[delay], shape.input);
     let simulated = problem.simulate(shape, &fit.theta, &delayed, false);
     let columns = problem.jacobian(shape, &fit.theta, &delayed, &simulated, shape.len());
     let effective = effective_weights(&fit.residual_bar, weights, limit);
@@ -73,7 +72,7 @@ fn along(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64, unit: f6
     let node = |delay_s: f64| {
         let mut theta = fit.theta.clone();
         theta[delay] = delay_s;
-        let mut moved = problem.simulate(shape, &theta, &problem.delayed(delay_s, shape.way), false);
+        let mut moved = problem.simulate(shape, &theta, &problem.delayed(delay_s, shape.input), false);
         let change: Vec<f64> = moved.iter().zip(&simulated).zip(&effective).map(|((m, s), w)| w * (m - s)).collect();
         let gradient =
             DVector::from_iterator(shape.len(), columns.iter().enumerate().map(|(k, c)| if k == delay { 0.0 } else { dot(c, &change) }));

@@ -95,7 +95,12 @@ fn why(q: &Quality, rms_bar: f64, noise_bar: f64) -> String {
     } else {
         format!("this model does not fit: {rms_bar:.4} bar RMSE, {:.1} times the noise of {noise_bar:.4} bar", q.noise_ratio)
     };
-    let tail = if q.adequate { "" } else { "; `hil diagnose` says what it lacks" };
+    let scatter = q.fit_percent > 0.0 && on.is_empty() && q.correlation_samples <= WHITE_SAMPLES;
+    let tail = match (q.adequate, scatter) {
+        (true, _) => "",
+        (false, true) => ": no course is left that a model could follow; the pressure scatters more than from one reading to the next",
+        (false, false) => "; `hil diagnose` says what it lacks",
+    };
     format!("{head}; of the residuals, {white} and {depend}{tail}")
 }
 

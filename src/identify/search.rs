@@ -1,6 +1,5 @@
 //! The way to the minimum: a first fit for each convention of the command, the covered range, the order, the form of the loop.
 
-use super::arrival::Way;
 use super::dynamics;
 use super::fit::{Fit, Problem};
 use super::heldout::{self, Folds, OrderError};
@@ -50,7 +49,7 @@ pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Optio
     if options.input.is_some() || select::rms(&found.fit.residual_bar, weights) <= FAR * survey.noise_bar {
         return found;
     }
-    let input = match found.fit.shape.way.input {
+    let input = match found.fit.shape.input {
         Input::Held => Input::Ramp,
         Input::Ramp => Input::Held,
     };
@@ -70,7 +69,7 @@ pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Optio
 fn along(problem: &Problem<'_>, survey: &mut Survey, options: &Options, weights: &[f64]) -> Found {
     let noise_bar = survey.noise_bar;
     let mut fit = first_fit(problem, survey, options, options.input, weights);
-    let input = Some(fit.shape.way.input);
+    let input = Some(fit.shape.input);
     let before = survey.covered_a;
     survey.cover(problem.segments, fit.theta[fit.shape.delay()], 4.0 * fit.shape.lag_s(&fit.theta));
     let range_a = to_the_floor(&fit, survey);
@@ -174,25 +173,18 @@ fn below_the_floor(problem: &Problem<'_>, mut fit: Fit, survey: &Survey, weights
 /// A fit with curves of the order given, or of order 3 as in the paper, with delay and lag found; the command by its
 /// convention, or otherwise where the data say so.
 fn first_fit(problem: &Problem<'_>, survey: &Survey, options: &Options, input: Option<Input>, weights: &[f64]) -> Fit {
-    let with = |way| fit_of(problem, survey, options, way, weights);
+    let with = |input| fit_of(problem, survey, options, input, weights);
     if let Some(input) = input {
-        return with(input.into());
+        return with(input);
     }
-    let (held, ramp) = rayon::join(|| with(Input::Held.into()), || with(Way { input: Input::Ramp, corners: true }));
+    let (held, ramp) = rayon::join(|| with(Input::Held), || with(Input::Ramp));
     // The convention stands where the data do not speak against it.
     let gain = |ramp: &Fit| select::gain(problem, &held, ramp, weights, survey.noise_bar);
     let against = if Input::default() == Input::Held { INPUT_GAIN } else { -INPUT_GAIN };
-    if gain(&ramp) <= against {
-        // A recording that was simulated on straight lines has lost their corners.
-        let cut = with(Input::Ramp.into());
-        return if gain(&cut) <= against { held } else { cut };
-    }
-    // As every command simulates it.
-    let shape = Shape { way: Input::Ramp.into(), ..ramp.shape };
-    select::fit_robust(problem, &shape, &ramp.theta, weights, survey.noise_bar, &[8, 8]).0
+    if gain(&ramp) <= against { held } else { ramp }
 }
 
-fn fit_of(problem: &Problem<'_>, survey: &Survey, options: &Options, way: Way, weights: &[f64]) -> Fit {
+fn fit_of(problem: &Problem<'_>, survey: &Survey, options: &Options, input: Input, weights: &[f64]) -> Fit {
     let form = match options.hysteresis {
         HysteresisChoice::Hyperbolic | HysteresisChoice::Free => Form::Hyperbolic,
         HysteresisChoice::None => Form::None,
@@ -202,7 +194,7 @@ fn fit_of(problem: &Problem<'_>, survey: &Survey, options: &Options, way: Way, w
     let levels = survey::levels(problem.segments, survey);
     let order = options.order.unwrap_or_else(|| 3.min(levels.saturating_sub(1)).max(1));
     let starts = if form != Form::None && problem.segments.len() <= MAX_STARTS { problem.segments.len() } else { 0 };
-    let shape = Shape { order, form, way, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar, starts };
+    let shape = Shape { order, form, input, lag: false, range_a: survey.covered_a, floor_bar: survey.floor_bar, starts };
     let start = start::start(problem, &shape, survey, weights);
     let (plain, limit) = select::fit_robust(problem, &shape, &start, weights, survey.noise_bar, &[8, 8]);
     let fit = dynamics::refine(problem, &plain, survey, weights, limit);

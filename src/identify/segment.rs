@@ -1,7 +1,8 @@
 //! What the fit works on: stretches of a course with outliers marked and a start of their own.
 
-use super::arrival::{Arrival, Way};
+use super::arrival::Arrival;
 use crate::course::Run;
+use crate::valve::Input;
 
 /// A stretch that is simulated from its own start.
 #[derive(Debug, Clone)]
@@ -60,14 +61,13 @@ impl Segment {
     }
 
     /// When a command reaches the valve after a dead time.
-    pub fn arrival(&self, delay_s: f64, way: Way) -> Arrival {
-        let arrival = Arrival::new(delay_s / self.step_s, way.input);
-        if way.corners { arrival.with_corners() } else { arrival }
+    pub fn arrival(&self, delay_s: f64, input: Input) -> Arrival {
+        Arrival::new(delay_s / self.step_s, input)
     }
 
     /// The current `delay_s` earlier, held before the start.
-    pub fn delayed(&self, delay_s: f64, way: Way, out: &mut [f64]) {
-        self.arrival(delay_s, way).apply(&self.current_a, out);
+    pub fn delayed(&self, delay_s: f64, input: Input, out: &mut [f64]) {
+        self.arrival(delay_s, input).apply(&self.current_a, out);
     }
 
     /// Takes a simulated pressure to the times of the readings, in place.
@@ -82,8 +82,6 @@ impl Segment {
     pub fn lagged(&self, lag_s: f64, before_bar: f64, arrival: Arrival, values: &mut [f64]) {
         if lag_s > 0.0 {
             arrival.lag(self.step_s / lag_s, before_bar, values);
-        } else {
-            arrival.pass(values);
         }
     }
 }

@@ -57,7 +57,7 @@ pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weigh
         for s in problem.segments.iter().take(shape.starts) {
             theta.push(shape.measured_start(&curves, s, s.current_a[0]));
         }
-        let simulated = problem.simulate(shape, &theta, &problem.delayed(delay_s, shape.way), false);
+        let simulated = problem.simulate(shape, &theta, &problem.delayed(delay_s, shape.input), false);
         let cost = problem.loss_of(&simulated, weights, threshold);
         if chosen.as_ref().is_none_or(|c| cost < c.0) {
             chosen = Some((cost, theta));
@@ -70,7 +70,7 @@ pub(super) fn start(problem: &Problem<'_>, shape: &Shape, survey: &Survey, weigh
 fn linear(problem: &Problem<'_>, shape: &Shape, delay_s: f64, weights: &[f64], above_bar: f64) -> Option<(f64, Vec<f64>)> {
     let curve = shape.order + 1;
     let p = if shape.has_loop() { 2 * curve } else { curve };
-    let delayed = problem.delayed(delay_s, shape.way);
+    let delayed = problem.delayed(delay_s, shape.input);
     let (low, high) = shape.range_a;
     let mut normal = DMatrix::<f64>::zeros(p, p);
     let mut right = DVector::<f64>::zeros(p);

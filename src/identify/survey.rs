@@ -118,8 +118,8 @@ impl Survey {
         let (mut seen, mut passed) = (Vec::new(), Vec::new());
         for (s, steady) in segments.iter().zip(&steady) {
             let (mut now, mut before) = (vec![0.0; s.len()], vec![0.0; s.len()]);
-            s.delayed(delay_s, Input::Held.into(), &mut now);
-            s.delayed(delay_s + settling_s, Input::Held.into(), &mut before);
+            s.delayed(delay_s, Input::Held, &mut now);
+            s.delayed(delay_s + settling_s, Input::Held, &mut before);
             let settled = |k: usize| !enough || (steady[k] && (now[k] - before[k]).abs() <= still);
             seen.extend(used(s).filter(|k| s.pressure_bar[*k] > above && settled(*k)).map(|k| now[k]));
             passed.extend(used(s).map(|k| now[k]));

@@ -9,6 +9,8 @@ use crate::valve::Valve;
 
 /// A valve's current lies below this; more is a duty or a percentage [A].
 const LARGEST_CURRENT_A: f64 = 5.0;
+/// A current that moves on by more than this share of its range until the pressure follows sweeps no loop.
+const SWEEP: f64 = 0.2;
 /// Fewer reversals do not carry the hyperbola.
 const MIN_REVERSALS: usize = 2;
 
@@ -17,8 +19,10 @@ pub(super) fn notes(courses: &[Course], survey: &Survey, fit: &Fit, valve: &Valv
     let mut out: Vec<String> = courses.iter().flat_map(|c| c.notes.iter().cloned()).collect();
     let share = 100.0 * survey.steady as f64 / survey.samples.max(1) as f64;
     out.push(format!("{} of {} samples ({share:.0} %) are steady enough to lie on a static curve", survey.steady, survey.samples));
-    if survey.outliers > 0 {
-        out.push(format!("{} samples stand alone, far from their neighbours, and were left out as outliers", survey.outliers));
+    match survey.outliers {
+        0 => {}
+        1 => out.push("1 sample stands alone, far from its neighbours, and was left out as an outlier".into()),
+        n => out.push(format!("{n} samples stand alone, far from their neighbours, and were left out as outliers")),
     }
     if let Some(floor) = survey.floor_bar {
         let seen = survey.covered_a.0 > survey.recorded_a.0;
@@ -37,13 +41,16 @@ pub(super) fn notes(courses: &[Course], survey: &Survey, fit: &Fit, valve: &Valv
         let late_s = valve.delay_s + valve.lag_s;
         let wide_a = 2.0 * survey.rate_a_per_s * late_s;
         let slope = fit.theta.get(1).map_or(0.0, |c| 2.0 * c / (fit.shape.range_a.1 - fit.shape.range_a.0));
-        out.push(format!(
-            "the current moves at {:.4} A/s (median); delay and lag of {:.1} ms would widen the loop by {:.2} mA or {:.3} bar, which the model takes out",
-            survey.rate_a_per_s,
-            1e3 * late_s,
-            1e3 * wide_a,
-            wide_a * slope
-        ));
+        // Only a sweep that is slow beside the valve draws a loop that delay and lag widen.
+        if wide_a < SWEEP * (survey.covered_a.1 - survey.covered_a.0) {
+            out.push(format!(
+                "the current moves at {:.4} A/s (median); delay and lag of {} would widen the loop by {} or {:.3} bar, which the model takes out",
+                survey.rate_a_per_s,
+                time(late_s),
+                current(wide_a),
+                wide_a * slope
+            ));
+        }
     }
     let runs: usize = courses.iter().map(|c| c.runs.len()).sum();
     if runs > 1 {
@@ -104,7 +111,8 @@ pub(super) fn warnings(
         if let Some((a, e)) = error("a")
             && e > 0.5 * a
         {
-            out.push(format!("a = {a:.4} bar^2 has a standard error of {e:.4} bar^2: the recording does not carry it; minor loops would"));
+            let (a, e) = (figures(a), figures(e));
+            out.push(format!("a = {a} bar^2 has a standard error of {e} bar^2: the recording does not carry it; minor loops would"));
         }
         let span = (high - low).max(f64::MIN_POSITIVE);
         let crossed = (0..=20).any(|k| {
@@ -123,7 +131,7 @@ pub(super) fn warnings(
             } else {
                 "at a constant rate delay and loop width trade places; steps, other rates or minor loops tell them apart"
             };
-            out.push(format!("the delay of {:.1} ms has a standard error of {:.1} ms: {why}", 1e3 * delay, 1e3 * e));
+            out.push(format!("the delay of {} has a standard error of {}: {why}", time(delay), time(e)));
         }
         if delay >= problem.delay_max_s * 0.999 {
             out.push(format!("the delay stands at the longest that was searched, {:.3} s", problem.delay_max_s));
@@ -132,12 +140,43 @@ pub(super) fn warnings(
     if survey.steps == 0 {
         out.push(if fit.shape.lag {
             format!(
-                "no steps of the current: delay and lag are hardly told apart; the recording shows their sum of {:.1} ms",
-                1e3 * (valve.delay_s + valve.lag_s)
+                "no steps of the current: delay and lag are hardly told apart; the recording shows their sum of {}",
+                time(valve.delay_s + valve.lag_s)
             )
         } else {
             "no steps of the current: a lag cannot be told from a delay, and is contained in it; the interval of the delay holds for a valve without a lag".into()
         });
     }
     out
+}
+
+/// A time in the unit in which it is spoken of.
+fn time(s: f64) -> String {
+    if s.abs() < 1.0 { format!("{:.1} ms", 1e3 * s) } else { format!("{} s", figures(s)) }
+}
+
+/// A difference of currents, likewise.
+fn current(a: f64) -> String {
+    if a.abs() < 1.0 { format!("{:.2} mA", 1e3 * a) } else { format!("{} A", figures(a)) }
+}
+
+/// A value with three figures.
+fn figures(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let decimals = (2.0 - value.abs().log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantities_are_written_as_they_are_spoken_of() {
+        assert_eq!([0.0237, 0.9994, 23.7713, 150.2].map(time), ["23.7 ms", "999.4 ms", "23.8 s", "150 s"]);
+        assert_eq!([0.00491, 54.95456].map(current), ["4.91 mA", "55.0 A"]);
+        assert_eq!([0.80148, 0.00012, 2035.54, 39_338.7, 0.0].map(figures), ["0.801", "0.000120", "2036", "39339", "0"]);
+    }
 }

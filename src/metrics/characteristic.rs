@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::line::least_squares;
 use super::loop_width::{both_ways, definition};
-use super::{Metric, NotMeasurable, Segment};
+use super::{Metric, Needs, NotMeasurable, Segment};
 use crate::units::{self, Unit};
 
 /// Pressure gain: slope of the least-squares line through the mean of the rising and the falling characteristic, between 10 % and
@@ -32,6 +32,9 @@ impl Metric for PressureGain {
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE_PER_CURRENT
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, segment: &Segment<'_>) -> String {
         definition("pressure_gain.least_squares_10_90.v1", segment, None)
     }
@@ -55,6 +58,9 @@ impl Metric for StartCurrent {
     }
     fn unit(&self) -> &'static Unit {
         &units::CURRENT
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
         definition("start_current.tangent_5_10.v1", segment, None)

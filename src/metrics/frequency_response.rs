@@ -11,7 +11,7 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment, enough};
+use super::{Metric, Needs, NotMeasurable, Segment, enough};
 use crate::units::{self, Unit};
 
 /// Bandwidth by gain: the lowest frequency at which the amplitude of the pressure has fallen by 3 dB against that at the lowest
@@ -146,6 +146,9 @@ impl Metric for BandwidthGain {
     fn unit(&self) -> &'static Unit {
         &units::FREQUENCY
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "bandwidth_gain.minus_3_db.v1".into()
     }
@@ -160,6 +163,9 @@ impl Metric for BandwidthPhase {
     }
     fn unit(&self) -> &'static Unit {
         &units::FREQUENCY
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, _: &Segment<'_>) -> String {
         "bandwidth_phase.minus_90_deg.v1".into()

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::loop_width::{both_ways, definition};
-use super::{Metric, NotMeasurable, Segment};
+use super::{Metric, Needs, NotMeasurable, Segment};
 use crate::units::{self, Unit};
 
 /// The straight line that a characteristic is compared with.
@@ -39,6 +39,9 @@ impl Metric for Linearity {
     }
     fn unit(&self) -> &'static Unit {
         &units::RATIO
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
         let id = match self.line {

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::passes::{Passes, passes};
-use super::{Metric, NotMeasurable, Segment, milliseconds};
+use super::{Metric, Needs, NotMeasurable, Segment, milliseconds};
 use crate::units::{self, Current, Pressure, Unit};
 
 /// Hysteresis as a pressure: the largest difference between the falling and the rising characteristic at one current.
@@ -75,6 +75,9 @@ impl Metric for HysteresisWidth {
     fn unit(&self) -> &'static Unit {
         if self.rated.is_some() { &units::RATIO } else { &units::PRESSURE }
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, segment: &Segment<'_>) -> String {
         definition("hysteresis_width.max.v2", segment, self.rated.map(|r| r.to_string()))
     }
@@ -95,6 +98,9 @@ impl Metric for HysteresisWidthInput {
     }
     fn unit(&self) -> &'static Unit {
         if self.rated.is_some() { &units::RATIO } else { &units::CURRENT }
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
         definition("hysteresis_width_input.max.v2", segment, self.rated.map(|r| r.to_string()))

@@ -169,12 +169,32 @@ pub enum NotMeasurable {
     NoModel,
 }
 
+/// What a metric needs of a plan beside current and pressure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Needs {
+    /// A target pressure.
+    pub target: bool,
+    /// The model's pressure.
+    pub model: bool,
+}
+
+impl Needs {
+    /// Nothing more.
+    pub const NOTHING: Self = Self { target: false, model: false };
+    /// A target pressure.
+    pub const TARGET: Self = Self { target: true, model: false };
+    /// The model's pressure.
+    pub const MODEL: Self = Self { target: false, model: true };
+}
+
 /// A figure of a phase.
 pub trait Metric {
     /// Id, for instance `rmse`.
     fn id(&self) -> &'static str;
     /// Its unit.
     fn unit(&self) -> &'static Unit;
+    /// What it needs of a plan beside current and pressure.
+    fn needs(&self) -> Needs;
     /// Id and version of the definition with its parameters, for instance `rmse.delayed.v1(delay=0.02 s)`.
     fn definition(&self, segment: &Segment<'_>) -> String;
     /// The figure in the canonical unit.
@@ -182,14 +202,6 @@ pub trait Metric {
     /// Whether the parameters make sense; the message says what is allowed.
     fn check(&self) -> Result<(), String> {
         Ok(())
-    }
-    /// Whether it needs the model's pressure.
-    fn needs_model(&self) -> bool {
-        false
-    }
-    /// Whether it needs a target pressure.
-    fn needs_target(&self) -> bool {
-        false
     }
 }
 
@@ -283,14 +295,9 @@ impl MetricSpec {
         self.metric().check()
     }
 
-    /// Whether the metric needs the model's pressure.
-    pub fn needs_model(&self) -> bool {
-        self.metric().needs_model()
-    }
-
-    /// Whether the metric needs a target pressure.
-    pub fn needs_target(&self) -> bool {
-        self.metric().needs_target()
+    /// What the metric needs of a plan beside current and pressure.
+    pub fn needs(&self) -> Needs {
+        self.metric().needs()
     }
 }
 

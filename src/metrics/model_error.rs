@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment, enough, rms};
+use super::{Metric, Needs, NotMeasurable, Segment, enough, rms};
 use crate::units::{self, Unit};
 
 /// RMSE of the hyperbolic model: measured pressure minus the pressure that the controller's valve model gives for the
@@ -39,14 +39,14 @@ impl Metric for ModelRmse {
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
     }
+    fn needs(&self) -> Needs {
+        Needs::MODEL
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "model_rmse.free_run.v1".into()
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         compute(segment, segment.signals.model_bar)
-    }
-    fn needs_model(&self) -> bool {
-        true
     }
 }
 
@@ -57,14 +57,14 @@ impl Metric for ModelRmseAverage {
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
     }
+    fn needs(&self) -> Needs {
+        Needs::MODEL
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "model_rmse_average.free_run.v1".into()
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         compute(segment, segment.signals.average_model_bar)
-    }
-    fn needs_model(&self) -> bool {
-        true
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment, enough};
+use super::{Metric, Needs, NotMeasurable, Segment, enough};
 use crate::units::{self, Unit};
 
 /// Largest measured pressure of the phase.
@@ -27,6 +27,9 @@ impl Metric for MaxPressure {
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "max_pressure.v1".into()
     }
@@ -41,6 +44,9 @@ impl Metric for MinPressure {
     }
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, _: &Segment<'_>) -> String {
         "min_pressure.v1".into()

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::loop_width::definition;
 use super::passes::{Pass, passes};
-use super::{Metric, NotMeasurable, Segment};
+use super::{Metric, Needs, NotMeasurable, Segment};
 use crate::units::{self, Pressure, Unit};
 
 /// Repeatability: the difference that two passes in the same direction stay within in 95 of 100 cases, at one current.
@@ -34,6 +34,9 @@ impl Metric for Repeatability {
     }
     fn unit(&self) -> &'static Unit {
         if self.rated.is_some() { &units::RATIO } else { &units::PRESSURE }
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
         definition("repeatability.limit.v2", segment, self.rated.map(|r| r.to_string()))

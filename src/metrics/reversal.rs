@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::passes::{Point, paired, smoothed, stretches};
-use super::{Metric, NotMeasurable, Segment, milliseconds};
+use super::{Metric, Needs, NotMeasurable, Segment, milliseconds};
 use crate::units::{self, Current, Pressure, Unit};
 
 /// Dead band: by how much the current changes after a turn before the pressure follows, mean over the turns of the phase.
@@ -124,6 +124,9 @@ impl Metric for DeadBand {
     fn unit(&self) -> &'static Unit {
         if self.rated.is_some() { &units::RATIO } else { &units::CURRENT }
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, segment: &Segment<'_>) -> String {
         definition("dead_band.turns.v1", segment, self.change, self.rated)
     }
@@ -145,6 +148,9 @@ impl Metric for Threshold {
     }
     fn unit(&self) -> &'static Unit {
         if self.rated.is_some() { &units::RATIO } else { &units::CURRENT }
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
         definition("threshold.after_standstill.v1", segment, self.change, self.rated)
@@ -184,6 +190,9 @@ impl Metric for ReversalError {
     }
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
         super::loop_width::definition("reversal_error.middle.v1", segment, None)

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment};
+use super::{Metric, Needs, NotMeasurable, Segment};
 use crate::units::{self, Unit};
 
 /// Mean |i_ff| over the mean of |i_ff| + |i_fb|. With [`FeedbackShare`] it adds up to one.
@@ -28,14 +28,14 @@ impl Metric for FeedForwardShare {
     fn unit(&self) -> &'static Unit {
         &units::RATIO
     }
+    fn needs(&self) -> Needs {
+        Needs::TARGET
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "feed_forward_share.mean_abs.v1".into()
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         sums(segment).map(|(forward, back)| forward / (forward + back))
-    }
-    fn needs_target(&self) -> bool {
-        true
     }
 }
 
@@ -46,14 +46,14 @@ impl Metric for FeedbackShare {
     fn unit(&self) -> &'static Unit {
         &units::RATIO
     }
+    fn needs(&self) -> Needs {
+        Needs::TARGET
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "feedback_share.mean_abs.v1".into()
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         sums(segment).map(|(forward, back)| back / (forward + back))
-    }
-    fn needs_target(&self) -> bool {
-        true
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment, enough};
+use super::{Metric, Needs, NotMeasurable, Segment, enough};
 use crate::units::{self, Time, Unit};
 
 /// Mean of pressure minus target over the last `window` of each repetition; of several, the one that is largest in
@@ -32,6 +32,9 @@ impl Metric for SteadyOffset {
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
     }
+    fn needs(&self) -> Needs {
+        Needs::TARGET
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         format!("steady_offset.mean.v1(window={})", self.window)
     }
@@ -59,9 +62,6 @@ impl Metric for SteadyOffset {
     }
     fn check(&self) -> Result<(), String> {
         super::positive("window", self.window.value(), &self.window)
-    }
-    fn needs_target(&self) -> bool {
-        true
     }
 }
 

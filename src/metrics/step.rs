@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment, enough};
+use super::{Metric, Needs, NotMeasurable, Segment, enough};
 use crate::units::{self, Ratio, Unit};
 
 /// Time between the first crossing of 10 % and the first crossing of 90 % of the response, interpolated.
@@ -130,6 +130,9 @@ impl Metric for RiseTime {
     fn unit(&self) -> &'static Unit {
         &units::TIME
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "rise_time.10_90.v1".into()
     }
@@ -147,6 +150,9 @@ impl Metric for FallTime {
     }
     fn unit(&self) -> &'static Unit {
         &units::TIME
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, _: &Segment<'_>) -> String {
         "fall_time.10_90.v1".into()
@@ -167,6 +173,9 @@ impl Metric for DeadTime {
     fn unit(&self) -> &'static Unit {
         &units::TIME
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         "dead_time.tangent_10_30.v1".into()
     }
@@ -184,6 +193,9 @@ impl Metric for SettlingTime {
     }
     fn unit(&self) -> &'static Unit {
         &units::TIME
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, _: &Segment<'_>) -> String {
         format!("settling_time.last_exit.v1(band={} %)", self.band.value() * 100.0)
@@ -212,6 +224,9 @@ impl Metric for Overshoot {
     }
     fn unit(&self) -> &'static Unit {
         &units::RATIO
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, _: &Segment<'_>) -> String {
         "overshoot.over_final.v1".into()

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Metric, NotMeasurable, Segment, milliseconds, rms};
+use super::{Metric, Needs, NotMeasurable, Segment, milliseconds, rms};
 use crate::units::{self, Pressure, Time, Unit};
 
 /// Root mean square of the tracking error P(t) - P_d(t - T_d) over the samples of the phase.
@@ -53,15 +53,15 @@ impl Metric for Rmse {
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
     }
+    fn needs(&self) -> Needs {
+        Needs::TARGET
+    }
     fn definition(&self, segment: &Segment<'_>) -> String {
         format!("rmse.delayed.v1(delay={})", milliseconds(delay_s(self.delay, segment)))
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let errors = segment.errors(delay_s(self.delay, segment))?;
         Ok(rms(errors.into_iter().map(|e| e.1)))
-    }
-    fn needs_target(&self) -> bool {
-        true
     }
 }
 
@@ -71,6 +71,9 @@ impl Metric for RmseBand {
     }
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
+    }
+    fn needs(&self) -> Needs {
+        Needs::TARGET
     }
     fn definition(&self, segment: &Segment<'_>) -> String {
         format!("rmse_band.delayed.v1(from={}, to={}, delay={})", self.from, self.to, milliseconds(delay_s(self.delay, segment)))
@@ -87,9 +90,6 @@ impl Metric for RmseBand {
     fn check(&self) -> Result<(), String> {
         if self.from < self.to { Ok(()) } else { Err(format!("`from` ({}) must lie below `to` ({})", self.from, self.to)) }
     }
-    fn needs_target(&self) -> bool {
-        true
-    }
 }
 
 impl Metric for MaxError {
@@ -99,15 +99,15 @@ impl Metric for MaxError {
     fn unit(&self) -> &'static Unit {
         &units::PRESSURE
     }
+    fn needs(&self) -> Needs {
+        Needs::TARGET
+    }
     fn definition(&self, segment: &Segment<'_>) -> String {
         format!("max_error.delayed.v1(delay={})", milliseconds(delay_s(self.delay, segment)))
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let errors = segment.errors(delay_s(self.delay, segment))?;
         Ok(errors.into_iter().map(|e| e.1.abs()).fold(0.0, f64::max))
-    }
-    fn needs_target(&self) -> bool {
-        true
     }
 }
 

@@ -9,7 +9,8 @@ const ROUNDING: f64 = 1e-9;
 /// A dead time on a grid: which sample of the command has arrived, and when within the step.
 ///
 /// A held command arrives at once, one delay after its message, and is seen by the first sample that is not before
-/// that. A command on straight lines is read between its samples.
+/// that. A command on straight lines is read between its samples; ahead of what remembers where it turned it goes on by whole
+/// steps, so that its corners arrive, and what stands behind is read between the samples ([`Delay::read_between`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Delay {
     /// Whole steps.
@@ -36,17 +37,24 @@ impl Delay {
         }
     }
 
-    /// The whole signal `input`, delayed, into `output`; before its begin it stood at its first value.
-    pub fn apply(&self, input: &[f64], output: &mut Vec<f64>) {
+    /// The whole signal `input`, later by the whole steps, into `output`; before its begin it stood at its first value.
+    pub fn shift(&self, input: &[f64], output: &mut Vec<f64>) {
         output.clear();
         let Some(first) = input.first().copied() else { return };
         let n = input.len();
         output.resize((self.shift + 1).min(n), first);
         if self.shift + 1 < n {
-            let (newer, older) = (&input[1..n - self.shift], &input[..n - self.shift - 1]);
-            match self.arrival {
-                Arrival::Held { .. } => output.extend_from_slice(newer),
-                Arrival::Ramp => output.extend(newer.iter().zip(older).map(|(a, b)| a + self.older * (b - a))),
+            output.extend_from_slice(&input[1..n - self.shift]);
+        }
+    }
+
+    /// Later by what the whole steps leave, in place; a held command leaves nothing.
+    pub fn read_between(&self, values: &mut [f64]) {
+        if self.older > 0.0 {
+            let mut before = values.first().copied().unwrap_or_default();
+            for value in values {
+                let now = std::mem::replace(&mut before, *value);
+                *value += self.older * (now - *value);
             }
         }
     }
@@ -89,7 +97,8 @@ mod tests {
             for input in [Input::Ramp, Input::Held] {
                 let delay = Delay::new(seconds, 0.01, input);
                 let mut out = Vec::new();
-                delay.apply(&ramp, &mut out);
+                delay.shift(&ramp, &mut out);
+                delay.read_between(&mut out);
                 assert_eq!(out.len(), ramp.len());
                 let mut line = DelayLine::new(delay, ramp[0]);
                 for (k, value) in out.iter().enumerate() {

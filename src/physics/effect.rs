@@ -2,6 +2,7 @@
 
 use super::block::{Arrival, Block};
 use crate::units::Unit;
+use crate::valve::Valve;
 
 /// The stages of a valve in the order in which the signal passes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -116,6 +117,10 @@ pub enum Channel {
 pub trait Effect: Sync {
     /// Id in files and reports.
     fn id(&self) -> &'static str;
+    /// Takes out of a base model the part that this effect stands for; whether it had one.
+    fn leave_base(&self, _valve: &mut Valve) -> bool {
+        false
+    }
     /// The source file, whose head is the effect's manual page.
     fn source_text(&self) -> &'static str;
     /// Where in the signal's way it acts.

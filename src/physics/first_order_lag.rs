@@ -16,6 +16,7 @@ use super::effect::{Context, Effect, LinearForm, Parameter, Stage, Theta};
 use super::flow::{Flow, RESOLUTION_BAR};
 use super::linear::FirstOrder;
 use crate::units::{RATIO, TIME};
+use crate::valve::Valve;
 
 /// The effect `first_order_lag`.
 pub struct FirstOrderLag;
@@ -26,6 +27,9 @@ impl Effect for FirstOrderLag {
     }
     fn source_text(&self) -> &'static str {
         include_str!("first_order_lag.rs")
+    }
+    fn leave_base(&self, valve: &mut Valve) -> bool {
+        std::mem::replace(&mut valve.lag_s, 0.0) > 0.0
     }
     fn stage(&self) -> Stage {
         Stage::Chamber

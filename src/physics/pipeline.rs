@@ -120,6 +120,8 @@ impl<'a> Pipeline<'a> {
         self.current_stages(&context, signals, work);
         pressure_bar.resize(signals.current_a.len(), 0.0);
         self.static_curve(start_share, work, pressure_bar);
+        self.read_between(&context, work);
+        self.read_between(&context, pressure_bar);
         self.pressure_stages(&context, &signals.with_current(work), pressure_bar);
     }
 
@@ -132,7 +134,8 @@ impl<'a> Pipeline<'a> {
         })
     }
 
-    /// The stages before the static curve: command in, current at the curve out.
+    /// The stages before the static curve: command in, current at the curve out, at the samples of a command on straight lines,
+    /// whose corners the hysteresis remembers; see [`Pipeline::read_between`].
     pub fn current_stages(&self, context: &Context, signals: &Signals<'_>, work: &mut Vec<f64>) {
         let [messages, coil] = self.current_blocks(context);
         let pass = |blocks: Vec<Box<dyn Pointwise>>, current: &mut Vec<f64>| {
@@ -146,11 +149,11 @@ impl<'a> Pipeline<'a> {
         };
         let delay = Delay::new(self.dead_time_s(), context.dt_s, self.input);
         if messages.is_empty() {
-            delay.apply(signals.current_a, work);
+            delay.shift(signals.current_a, work);
         } else {
             let mut sent = signals.current_a.to_vec();
             pass(messages, &mut sent);
-            delay.apply(&sent, work);
+            delay.shift(&sent, work);
         }
         pass(coil, work);
     }
@@ -159,6 +162,11 @@ impl<'a> Pipeline<'a> {
     /// 1/2 on the average, 1 on the descending.
     pub fn static_curve(&self, start_share: f64, current_a: &[f64], pressure_bar: &mut [f64]) {
         self.hysteresis.run(self.curves, start_share, current_a, pressure_bar);
+    }
+
+    /// Reads what the static curve has gone through, current or pressure, at the samples: a dead time is no whole number of them.
+    pub fn read_between(&self, context: &Context, values: &mut [f64]) {
+        Delay::new(self.dead_time_s(), context.dt_s, self.input).read_between(values);
     }
 
     /// Steps of one block that the stages after the static curve take for a sample.

@@ -194,7 +194,7 @@ fn phase(
         let metric = written.metric.get_ref().clone();
         metric.check().map_err(|problem| Wrong::new(written.metric.span(), problem))?;
         let id = metric.metric().id();
-        if metric.needs_target() && waveform.kind() == LevelKind::Current {
+        if metric.needs().target && waveform.kind() == LevelKind::Current {
             let message = format!("`{id}` needs a target pressure, but the phase `{}` commands a current", file.name.get_ref());
             return Err(Wrong::new(written.metric.span(), message));
         }

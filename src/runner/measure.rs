@@ -23,7 +23,7 @@ impl Columns {
     pub fn new(plan: &Plan, model: &Valve, trace: &Trace) -> Self {
         let pairs = trace.pressure_bar.iter().zip(&trace.quality);
         let usable_bar = pairs.map(|(p, q)| if *q == Quality::Good { *p } else { f64::NAN }).collect();
-        let needed = plan.phases.iter().flat_map(|p| &p.measures).any(|m| m.metric.needs_model());
+        let needed = plan.phases.iter().flat_map(|p| &p.measures).any(|m| m.metric.needs().model);
         let of = |valve: &Valve| if needed { from_rest(valve, plan.period_s, trace) } else { Vec::new() };
         let average = Valve { hysteresis: Hysteresis::None, ..model.clone() };
         Self { usable_bar, model_bar: of(model), average_model_bar: of(&average) }

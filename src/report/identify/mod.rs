@@ -134,7 +134,8 @@ pub fn text(found: &Identified) -> String {
     line(&mut out, "RMSE of the average model", format!("{:.4} bar", found.rmse_average_model_bar));
     for (name, value) in [("R^2 rising", found.r2_ascending), ("R^2 falling", found.r2_descending)] {
         if let Some(value) = value {
-            line(&mut out, name, format!("{value:.6}"));
+            // Below zero a constant would be nearer to the steady samples of this direction than the curve.
+            line(&mut out, name, if value < 0.0 { "below 0: no curve".into() } else { format!("{value:.6}") });
         }
     }
     if !found.orders.is_empty() {
