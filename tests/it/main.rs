@@ -10,6 +10,7 @@ mod course;
 mod diagnose;
 mod export;
 mod fake;
+mod first_version;
 mod fleet;
 #[cfg(all(unix, feature = "fmi"))]
 mod foreign;
