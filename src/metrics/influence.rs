@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::line::least_squares;
-use super::{Metric, NotMeasurable, Segment, enough};
+use super::{Metric, Needs, NotMeasurable, Segment, enough};
 use crate::units::{self, Pressure, TemperatureChange, Unit};
 
 /// Sensitivity to temperature: by how much the pressure changes when the oil becomes warmer by `per`, while the commanded current,
@@ -108,6 +108,9 @@ impl Metric for TemperatureSensitivity {
     fn unit(&self) -> &'static Unit {
         if self.rated.is_some() { &units::RATIO } else { &units::PRESSURE }
     }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
+    }
     fn definition(&self, _: &Segment<'_>) -> String {
         definition("temperature_sensitivity.slope.v1", self.per, self.rated)
     }
@@ -127,6 +130,9 @@ impl Metric for SupplySensitivity {
     }
     fn unit(&self) -> &'static Unit {
         if self.rated.is_some() { &units::RATIO } else { &units::PRESSURE }
+    }
+    fn needs(&self) -> Needs {
+        Needs::NOTHING
     }
     fn definition(&self, _: &Segment<'_>) -> String {
         definition("supply_sensitivity.slope.v1", self.per, self.rated)
