@@ -18,16 +18,18 @@ step() { printf '\n-- %s (%s s)\n' "$1" "$SECONDS"; }
 
 step "build"
 cargo build --locked --profile "$profile" --bin hil
-cargo build --locked --profile "$profile" -p hil-fmu -p hil-python
+# Always both: one of them alone would build the library again, with other features of what it depends on.
+cargo build --locked --profile "$profile" -p hil-fmu -p hil-python --lib --examples
 hil=$PWD/$built/hil
 library=$PWD/$work/libhil_fmu.so
 strip -o "$library" "$built/libhil_fmu.so"
 
 step "the library inside an FMU"
-cargo test --locked --profile "$profile" -p hil-fmu -- --nocapture
+cargo test --locked --profile "$profile" -p hil-fmu -p hil-python -- --nocapture
 
 step "models as FMUs, in FMPy"
-"$python" tests/peers/models.py "$work/models"
+rm -rf "$work/models"
+"$built/examples/models" "$work/models"
 "$python" tests/peers/fmu.py "$hil" "$library" "$work/fmu" "$work"/models/*.toml
 if [ "$profile" = release ]; then
     size=$(stat -c %s "$work/fmu/plain-2.fmu")

@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use hil::exchange::fmu::{
-    CURRENT_IN, CURRENT_OUT, Causality, MODEL_TIME_OUT, Meaning, PART_FILE, PRESSURE_IN, PRESSURE_OUT, Part, SEED, STEP_FILE, VALVE_FILE,
-    Variable, set, token, variables,
+    CURRENT_IN, CURRENT_OUT, CURVE_PRESSURE_OUT, Causality, MODEL_TIME_OUT, Meaning, OIL_TEMPERATURE_IN, PART_FILE, PRESSURE_IN,
+    PRESSURE_OUT, Part, SEED, STEP_FILE, SUPPLY_PRESSURE_IN, VALVE_FILE, Variable, set, token, variables,
 };
-use hil::physics::Plant;
+use hil::physics::{Channel, Plant};
 use hil::valve::Valve;
 
 /// How much of the past is simulated again where a parameter changes in mid-run [s]: as if it had always been so.
@@ -38,6 +38,25 @@ enum Phase {
     Terminated,
 }
 
+/// What a master sets at the begin of a step.
+#[derive(Debug, Clone, Copy)]
+struct Inputs {
+    current_a: f64,
+    /// Pressure of the model ahead, for effects behind one [bar].
+    pressure_bar: f64,
+    /// Where an effect of the model uses them.
+    oil_temp_c: Option<f64>,
+    supply_bar: Option<f64>,
+}
+
+/// What a master reads at the end of a step.
+#[derive(Debug, Clone, Copy)]
+struct Outputs {
+    pressure_bar: f64,
+    curve_current_a: f64,
+    curve_pressure_bar: f64,
+}
+
 /// One instance of an exported model.
 pub struct Instance {
     made_from: Valve,
@@ -47,18 +66,15 @@ pub struct Instance {
     phase: Phase,
     seed: u64,
     part: Part,
-    current_a: f64,
-    /// Pressure of the model ahead, for effects behind one [bar].
-    pressure_in_bar: f64,
-    pressure_bar: f64,
-    current_out_a: f64,
+    inputs: Inputs,
+    outputs: Outputs,
     /// Time of the master at the initialisation [s].
     start_s: f64,
     /// Steps done since then.
     steps: u64,
     plant: Option<Plant>,
-    /// The inputs of the steps that are remembered: current [A] and pressure [bar].
-    past: VecDeque<(f64, f64)>,
+    /// The inputs of the steps that are remembered.
+    past: VecDeque<Inputs>,
 }
 
 impl Instance {
@@ -93,7 +109,13 @@ impl Instance {
     /// [`Refused`] where an effect of the model is not known.
     pub fn of(valve: Valve, part: Part, step_s: f64) -> Result<Self, Refused> {
         let variables = variables(&valve, part).map_err(|e| Refused(e.to_string()))?;
-        let current_a = variables.iter().find(|v| v.meaning == Meaning::Current).and_then(|v| v.start).unwrap_or(0.0);
+        let start = |meaning| variables.iter().find(|v| v.meaning == meaning).and_then(|v| v.start);
+        let inputs = Inputs {
+            current_a: start(Meaning::Current).unwrap_or(0.0),
+            pressure_bar: 0.0,
+            oil_temp_c: start(Meaning::Around(Channel::OilTemperature)),
+            supply_bar: start(Meaning::Around(Channel::SupplyPressure)),
+        };
         Ok(Self {
             made_from: valve.clone(),
             valve,
@@ -102,10 +124,8 @@ impl Instance {
             phase: Phase::Made,
             seed: 0,
             part,
-            current_a,
-            pressure_in_bar: 0.0,
-            pressure_bar: f64::NAN,
-            current_out_a: f64::NAN,
+            inputs,
+            outputs: Outputs { pressure_bar: f64::NAN, curve_current_a: f64::NAN, curve_pressure_bar: f64::NAN },
             start_s: 0.0,
             steps: 0,
             plant: None,
@@ -143,10 +163,9 @@ impl Instance {
     pub fn exit_initialization(&mut self) -> Result<(), Refused> {
         self.expect(&[Phase::Initialising], "the initialisation is left after it was entered")?;
         let mut plant = self.plant()?;
-        let inputs = (self.current_a, self.pressure_in_bar);
-        (self.pressure_bar, self.current_out_a) = stepped(&mut plant, self.part, inputs);
+        self.outputs = stepped(&mut plant, self.part, self.inputs);
         self.plant = Some(plant);
-        self.past.push_back(inputs);
+        self.past.push_back(self.inputs);
         self.phase = Phase::Stepping;
         Ok(())
     }
@@ -167,16 +186,15 @@ impl Instance {
             return Refused::because(format!("a step of {step_s} s: whole multiples of {} s are allowed", self.step_s));
         }
         let Some(plant) = &mut self.plant else { return Refused::because("the model is not initialised") };
-        let inputs = (self.current_a, self.pressure_in_bar);
         for _ in 0..count.round() as u64 {
-            (self.pressure_bar, self.current_out_a) = stepped(plant, self.part, inputs);
+            self.outputs = stepped(plant, self.part, self.inputs);
             self.steps += 1;
-            self.past.push_back(inputs);
+            self.past.push_back(self.inputs);
         }
         let most = (MEMORY_S / self.step_s).ceil() as usize + 1;
         let excess = self.past.len().saturating_sub(most);
         self.past.drain(..excess);
-        if self.pressure_bar.is_finite() && self.current_out_a.is_finite() {
+        if self.outputs.pressure_bar.is_finite() && self.outputs.curve_current_a.is_finite() {
             Ok(())
         } else {
             Refused::because(format!("the pressure at {} s is not finite", self.start_s + self.steps as f64 * self.step_s))
@@ -208,17 +226,23 @@ impl Instance {
     /// [`Refused`] for an unknown reference, or a pressure before the initialisation.
     pub fn real(&self, reference: u32) -> Result<f64, Refused> {
         match reference {
-            CURRENT_IN => Ok(self.current_a),
-            PRESSURE_IN if self.part == Part::Behind => Ok(self.pressure_in_bar),
+            CURRENT_IN => Ok(self.inputs.current_a),
+            PRESSURE_IN if self.part == Part::Behind => Ok(self.inputs.pressure_bar),
+            OIL_TEMPERATURE_IN if self.inputs.oil_temp_c.is_some() => Ok(self.inputs.oil_temp_c.unwrap_or(f64::NAN)),
+            SUPPLY_PRESSURE_IN if self.inputs.supply_bar.is_some() => Ok(self.inputs.supply_bar.unwrap_or(f64::NAN)),
             MODEL_TIME_OUT => Ok(self.start_s + self.steps as f64 * self.step_s),
-            PRESSURE_OUT | CURRENT_OUT => {
+            PRESSURE_OUT | CURRENT_OUT | CURVE_PRESSURE_OUT => {
                 self.variable(reference)?;
-                let (pressure_bar, current_a) = match self.phase {
+                let outputs = match self.phase {
                     Phase::Made => return Refused::because("the outputs are known from the initialisation on"),
-                    Phase::Initialising => stepped(&mut self.plant()?, self.part, (self.current_a, self.pressure_in_bar)),
-                    Phase::Stepping | Phase::Terminated => (self.pressure_bar, self.current_out_a),
+                    Phase::Initialising => stepped(&mut self.plant()?, self.part, self.inputs),
+                    Phase::Stepping | Phase::Terminated => self.outputs,
                 };
-                Ok(if reference == PRESSURE_OUT { pressure_bar } else { current_a })
+                Ok(match reference {
+                    PRESSURE_OUT => outputs.pressure_bar,
+                    CURRENT_OUT => outputs.curve_current_a,
+                    _ => outputs.curve_pressure_bar,
+                })
             }
             _ => self.variable(reference)?.start.ok_or_else(|| Refused(format!("reference {reference} has no value"))),
         }
@@ -238,8 +262,12 @@ impl Instance {
             Causality::Input if !value.is_finite() => {
                 return Refused::because(format!("{} = {value}: a finite value is allowed", variable.name));
             }
-            Causality::Input if reference == PRESSURE_IN => self.pressure_in_bar = value,
-            Causality::Input => self.current_a = value,
+            Causality::Input => match reference {
+                PRESSURE_IN => self.inputs.pressure_bar = value,
+                OIL_TEMPERATURE_IN => self.inputs.oil_temp_c = Some(value),
+                SUPPLY_PRESSURE_IN => self.inputs.supply_bar = Some(value),
+                _ => self.inputs.current_a = value,
+            },
             Causality::Parameter => {
                 let mut changed = self.valve.clone();
                 set(&mut changed, &variable, value).map_err(Refused)?;
@@ -297,7 +325,7 @@ impl Instance {
         let mut valve = self.valve.clone();
         valve.delay_s -= self.step_s;
         let seed = (self.seed > 0).then_some(self.seed);
-        let start_a = self.past.front().map_or(self.current_a, |first| first.0);
+        let start_a = self.past.front().map_or(self.inputs.current_a, |first| first.current_a);
         let plant = if self.part == Part::Behind { Plant::behind } else { Plant::new };
         plant(&valve, self.step_s, start_a, seed).map_err(|e| Refused(e.to_string()))
     }
@@ -309,17 +337,19 @@ impl Instance {
         }
         let mut plant = self.plant()?;
         for inputs in &self.past {
-            (self.pressure_bar, self.current_out_a) = stepped(&mut plant, self.part, *inputs);
+            self.outputs = stepped(&mut plant, self.part, *inputs);
         }
         self.plant = Some(plant);
         Ok(())
     }
 }
 
-/// One step of the inputs: pressure [bar] and current at the curves [A].
-fn stepped(plant: &mut Plant, part: Part, (current_a, pressure_bar): (f64, f64)) -> (f64, f64) {
+/// One step with these inputs.
+fn stepped(plant: &mut Plant, part: Part, inputs: Inputs) -> Outputs {
     if part == Part::Behind {
-        plant.take(pressure_bar);
+        plant.take(inputs.pressure_bar);
     }
-    (plant.step(current_a), plant.at_curve_a())
+    plant.surround(inputs.oil_temp_c, inputs.supply_bar);
+    let pressure_bar = plant.step(inputs.current_a);
+    Outputs { pressure_bar, curve_current_a: plant.at_curve_a(), curve_pressure_bar: plant.on_curve_bar() }
 }

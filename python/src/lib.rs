@@ -35,7 +35,8 @@ pub(crate) fn waited<T: Send + 'static>(python: Python<'_>, work: impl FnOnce() 
 enum Column<'py> {
     Numbers(PyReadonlyArray1<'py, f64>),
     Texts(Vec<String>),
-    Other(Option<bool>),
+    /// Neither: taken to be known as such, and not looked at.
+    Other(#[allow(dead_code)] Option<bool>),
 }
 
 /// Columns with their names, read into a recording.

@@ -81,6 +81,8 @@ pub fn run(args: &SimulateArgs) -> CliResult {
     let refused = |e: crate::physics::PhysicsError| CliError::input(format!("{}: {e}", course.source));
     let of_model = simulate_course(&valve, &course).map_err(refused)?;
     let of_average = if course.readings() > 0 { simulate_course(&average, &course).map_err(refused)? } else { Vec::new() };
+    // In text a microbar is finer than any sensor, and the same on every machine; a binary file holds the numbers as they are.
+    let as_text = args.output.as_deref().is_none_or(|path| matches!(Format::of(path), Ok(Format::Csv)));
     let (mut errors, mut runs) = (Vec::new(), Vec::new());
     for (number, run) in recording.runs.into_iter().enumerate() {
         let pressure = course.on_recorded(number, &run.time_s, &of_model);
@@ -95,9 +97,8 @@ pub fn run(args: &SimulateArgs) -> CliResult {
         if run.pressure_bar.is_some() {
             errors.push(RunError { name: run.name.clone(), model: misfit(&of_model), average: misfit(&of_average) });
         }
-        // A microbar is finer than any sensor, and the same on every machine.
-        let rounded = pressure.into_iter().map(|p| (p * 1e6).round() / 1e6).collect();
-        runs.push(Run { name: run.name, time_s: run.time_s, current_a: run.current_a, pressure_bar: Some(rounded), ..Run::default() });
+        let pressure = pressure.into_iter().map(|p| if as_text { (p * 1e6).round() / 1e6 } else { p }).collect();
+        runs.push(Run { name: run.name, time_s: run.time_s, current_a: run.current_a, pressure_bar: Some(pressure), ..Run::default() });
     }
     let simulated = Recording { source: recording.source, runs, notes: Vec::new(), input: None };
 

@@ -60,6 +60,7 @@ pub use delay::{Delay, DelayLine};
 pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Nested, Parameter, Scatter, ScatterFinding, Stage, Theta};
 pub use error::PhysicsError;
 pub use linear::{FirstOrder, SecondOrder};
+pub use oil_viscosity::REFERENCE_C;
 pub use pipeline::{MOST_INNER, Pipeline};
 pub use plant::Plant;
 pub use resolve::{resolve, specification};

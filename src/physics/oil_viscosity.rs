@@ -69,7 +69,7 @@ impl Effect for OilViscosity {
 }
 
 /// Temperature at which the time constant is given [degC].
-const REFERENCE_C: f64 = 60.0;
+pub const REFERENCE_C: f64 = 60.0;
 
 struct Thick {
     /// Step over time constant at the reference.

@@ -30,6 +30,8 @@ pub struct Plant {
     elsewhere_bar: Option<f64>,
     /// Current at the curves [A].
     at_curve_a: f64,
+    /// Pressure on the curves [bar].
+    on_curve_bar: f64,
     /// Simulated steps per period.
     parts: usize,
     /// Blocks settle at their first input, as they do in a whole simulation.
@@ -77,6 +79,7 @@ impl Plant {
             supply_bar: None,
             elsewhere_bar: None,
             at_curve_a: start_current_a,
+            on_curve_bar: f64::NAN,
             parts,
             command_a: start_current_a,
             started: false,
@@ -96,6 +99,11 @@ impl Plant {
     /// The current at the curves after the last step [A].
     pub fn at_curve_a(&self) -> f64 {
         self.at_curve_a
+    }
+
+    /// The pressure on the curves, with their hysteresis and ahead of all dynamics, after the last step [bar]; not a number before it.
+    pub fn on_curve_bar(&self) -> f64 {
+        self.on_curve_bar
     }
 
     /// The pressure measured as `command_a` arrives at the driver, one period after the last call [bar].
@@ -134,7 +142,7 @@ impl Plant {
             state => state.insert(self.hysteresis.start(&self.curves, current_a)),
         };
         let own_bar = state.advance(&self.curves, current_a);
-        self.at_curve_a = current_a;
+        (self.at_curve_a, self.on_curve_bar) = (current_a, own_bar);
         let mut pressure = [self.elsewhere_bar.unwrap_or(own_bar)];
         let channel = |value: &Option<f64>| value.map(|v| [v]);
         let (oil, supply) = (channel(&self.oil_temp_c), channel(&self.supply_bar));

@@ -15,7 +15,8 @@ pub use description::{MODEL_IDENTIFIER, Version};
 pub use export::Export;
 pub use part::{PART_FILE, Part};
 pub use variables::{
-    CURRENT_IN, CURRENT_OUT, Causality, MODEL_TIME_OUT, Meaning, PRESSURE_IN, PRESSURE_OUT, SEED, Variable, set, variables,
+    CURRENT_IN, CURRENT_OUT, CURVE_PRESSURE_OUT, Causality, MODEL_TIME_OUT, Meaning, OIL_TEMPERATURE_IN, PRESSURE_IN, PRESSURE_OUT, SEED,
+    SUPPLY_PRESSURE_IN, Variable, set, variables,
 };
 
 use super::ExchangeError;

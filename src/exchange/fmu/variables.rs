@@ -4,20 +4,27 @@
 //! means the same in both.
 
 use super::part::Part;
-use crate::physics::{PhysicsError, resolve};
-use crate::units::{CURRENT, PRESSURE, PRESSURE_SQUARED, TIME};
+use crate::physics::{Channel, PhysicsError, REFERENCE_C, resolve};
+use crate::units::{CURRENT, PRESSURE, PRESSURE_SQUARED, TEMPERATURE, TIME};
 use crate::valve::{Hysteresis, Valve};
 
 /// Value reference of the command [A].
 pub const CURRENT_IN: u32 = 1;
 /// Value reference of the pressure that comes from the model ahead [bar].
 pub const PRESSURE_IN: u32 = 2;
+/// Value reference of the oil temperature [degC], where an effect of the model uses it.
+pub const OIL_TEMPERATURE_IN: u32 = 3;
+/// Value reference of the supply pressure [bar], where an effect of the model uses it.
+pub const SUPPLY_PRESSURE_IN: u32 = 4;
 /// Value reference of the pressure [bar].
 pub const PRESSURE_OUT: u32 = 10;
-/// Value reference of the current for the model behind [A].
-pub const CURRENT_OUT: u32 = 12;
 /// Value reference of the time that the model has reached [s].
 pub const MODEL_TIME_OUT: u32 = 11;
+/// Value reference of the current that has arrived at the static curve [A]: of a whole valve a state, of effects ahead of a
+/// model the current for it.
+pub const CURRENT_OUT: u32 = 12;
+/// Value reference of the pressure on the static curve with its hysteresis, ahead of all dynamics [bar].
+pub const CURVE_PRESSURE_OUT: u32 = 13;
 /// Value reference of the seed of noise and other chance; 0 for none.
 pub const SEED: u32 = 90;
 /// Value reference of the first parameter of the model.
@@ -41,10 +48,14 @@ pub enum Meaning {
     Current,
     /// The pressure of the model ahead.
     PressureIn,
+    /// What the valve stands in: oil temperature or supply pressure.
+    Around(Channel),
     /// The pressure.
     Pressure,
-    /// The current for the model behind.
+    /// The current at the static curve, or for the model behind.
     CurrentOut,
+    /// The pressure on the static curve.
+    CurvePressure,
     /// The time that the model has reached.
     ModelTime,
     /// Dead time.
@@ -101,11 +112,40 @@ pub fn variables(valve: &Valve, part: Part) -> Result<Vec<Variable>, PhysicsErro
         let text = "pressure of the model ahead, held from step to step";
         all.push(input(PRESSURE_IN, "pressure_in", text, PRESSURE.symbol, 0.0, Meaning::PressureIn));
     }
+    for (channel, reference, name, description, unit, start) in [
+        (
+            Channel::OilTemperature,
+            OIL_TEMPERATURE_IN,
+            "oil_temperature",
+            "temperature of the oil, held from step to step",
+            TEMPERATURE.symbol,
+            REFERENCE_C,
+        ),
+        (
+            Channel::SupplyPressure,
+            SUPPLY_PRESSURE_IN,
+            "supply_pressure",
+            "pressure of the supply, held from step to step",
+            PRESSURE.symbol,
+            0.0,
+        ),
+    ] {
+        let uses = |spec| Ok(resolve(spec)?.0.needs() == Some(channel));
+        if valve.effects.iter().map(uses).collect::<Result<Vec<bool>, PhysicsError>>()?.contains(&true) {
+            all.push(input(reference, name, description, unit, start, Meaning::Around(channel)));
+        }
+    }
     all.push(match part {
         Part::Ahead => output(CURRENT_OUT, "current_out", "current for the model behind", CURRENT.symbol, Meaning::CurrentOut),
         Part::Whole | Part::Behind => output(PRESSURE_OUT, "pressure", "pressure at the sensor", PRESSURE.symbol, Meaning::Pressure),
     });
     all.push(output(MODEL_TIME_OUT, "model_time", "time that the model has reached", TIME.symbol, Meaning::ModelTime));
+    if part == Part::Whole {
+        let (current, pressure) =
+            ("current at the static curve", "pressure on the static curve with its hysteresis, ahead of all dynamics");
+        all.push(output(CURRENT_OUT, "curve.current", current, CURRENT.symbol, Meaning::CurrentOut));
+        all.push(output(CURVE_PRESSURE_OUT, "curve.pressure", pressure, PRESSURE.symbol, Meaning::CurvePressure));
+    }
     let mut next = FIRST_PARAMETER;
     let mut parameter = |name: String, description: &str, unit, start, range, meaning| {
         let causality = Causality::Parameter;
@@ -167,7 +207,13 @@ pub fn set(valve: &mut Valve, variable: &Variable, value: f64) -> Result<(), Str
                 None => spec.parameters.push((parameter.name.into(), text)),
             }
         }
-        Meaning::Current | Meaning::PressureIn | Meaning::CurrentOut | Meaning::Pressure | Meaning::ModelTime => {
+        Meaning::Current
+        | Meaning::PressureIn
+        | Meaning::Around(_)
+        | Meaning::CurrentOut
+        | Meaning::CurvePressure
+        | Meaning::Pressure
+        | Meaning::ModelTime => {
             return Err(format!("{} is no parameter", variable.name));
         }
     }
