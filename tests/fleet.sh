@@ -21,6 +21,7 @@ SPARK_HOME=$("$python" -c 'import os, pyspark; print(os.path.dirname(pyspark.__f
 export SPARK_HOME PYSPARK_PYTHON=$python SPARK_LOCAL_IP=127.0.0.1
 submit() { # OUT
     "$SPARK_HOME/bin/spark-submit" --master 'local-cluster[2,1,1024]' --conf spark.ui.enabled=false --conf spark.driver.host=127.0.0.1 \
+        --conf spark.task.maxFailures=100 \
         deploy/spark/diagnose.py "$work/jobs/jobs.csv" "$1" --hil "$hil" --batch 10
 }
 begun=$SECONDS
@@ -29,13 +30,14 @@ grep -qx '40 jobs' "$work/spark.txt"
 echo "Spark, two workers: $((SECONDS - begun)) s, its start counted"
 "$python" tests/peers/fleet_rows.py "$work/one" "$work/spark"
 
-# A worker's program is killed now and then: Spark runs its task again, and nothing is lost or twice.
+# A worker's program is killed now and then, HIL_FLEET_KILLS times: Spark runs its task again, and nothing is lost or twice.
+most=${HIL_FLEET_KILLS:-6}
 submit "$work/killed" > "$work/killed.txt" 2> "$work/killed.log" &
 spark=$!
 kills=0
 while kill -0 "$spark" 2> /dev/null; do
-    sleep 2
-    [ "$kills" -lt 3 ] || continue
+    sleep 1
+    [ "$kills" -lt "$most" ] || continue
     for victim in $(pgrep -f -- "^$hil diagnose --jobs - --out $work/killed" | head -1); do
         kill -9 "$victim" && kills=$((kills + 1))
     done

@@ -10,6 +10,7 @@ use serde_json::json;
 
 use super::challenge_contestant::{Processes, read_answer};
 use super::outputs::Force;
+use super::progress::left;
 use super::shard::Shard;
 use super::{CliError, CliResult, exit};
 use crate::challenge::{
@@ -151,8 +152,10 @@ fn hold(args: &ChallengeArgs, seed: u64, cases: &[Case], seal: &Seal, folder: &P
     let program = std::env::current_exe().map_err(|e| CliError { code: exit::INTERNAL, message: format!("own program: {e}") })?;
     let mut asked = Vec::new();
     let (mut results, mut broken) = (Vec::new(), Vec::new());
-    for (k, case) in cases.iter().enumerate().filter(|(k, _)| args.shard.is_none_or(|s| s.holds(*k))) {
-        anstream::eprintln!("case {} of {} ..", k + 1, cases.len());
+    let own: Vec<(usize, &Case)> = cases.iter().enumerate().filter(|(k, _)| args.shard.is_none_or(|s| s.holds(*k))).collect();
+    let begun = std::time::Instant::now();
+    for (done, (k, case)) in own.iter().copied().enumerate() {
+        anstream::eprintln!("case {} of {}{} ..", k + 1, cases.len(), left(begun, done, own.len()));
         let mut contestant = Processes::new(&program, folder, k + 1, args.commission).map_err(CliError::not_stored)?;
         if args.broken {
             let how = BROKEN[k % BROKEN.len()];

@@ -8,8 +8,8 @@ use serde_json::Value;
 
 use super::outputs::Force;
 use super::{CliError, CliResult, exit};
+use crate::fleet::collected::collect;
 use crate::fleet::findings::{FleetFinding, Rate, findings};
-use crate::fleet::store::last_rows;
 use crate::fleet::{FleetError, table};
 use crate::output::{Mark, Outputs};
 use crate::recording::replace_file;
@@ -59,20 +59,21 @@ pub fn run(args: &CollectArgs) -> CliResult {
         FleetError::Store { .. } | FleetError::List(_) | FleetError::Table { .. } => CliError::input(e),
     };
     // a table of a fleet is known by its findings, which are read here: no other file is replaced
-    let earlier = if args.force.force { Vec::new() } else { table::earlier_findings(&args.output).map_err(failed)? };
+    let (earlier, before) = if args.force.force { (Vec::new(), None) } else { table::earlier(&args.output).map_err(failed)? };
     let _claim = Outputs::new(args.force.force).file(args.report.as_ref(), Mark::Page).claim()?;
     let confusion = args.confusion.as_deref().map(confusion).transpose()?;
-    let rows = last_rows(args.folders.iter().map(PathBuf::as_path)).map_err(failed)?;
-    let found = findings(&rows);
+    let collected = collect(args.folders.iter().map(PathBuf::as_path), before).map_err(failed)?;
+    let rows = &collected.rows;
+    let found = findings(rows);
     let names: Vec<String> = found.iter().map(FleetFinding::name).collect();
     let new: Vec<&String> = names.iter().filter(|n| !earlier.contains(n)).collect();
-    let summary = report::Summary::new(&rows, &found, &new, confusion);
+    let summary = report::Summary::new(rows, &found, &new, confusion);
     if let Some(path) = &args.report {
-        let page = report::page(&rows, &summary, path.parent().unwrap_or(Path::new("")));
+        let page = report::page(rows, &summary, path.parent().unwrap_or(Path::new("")));
         replace_file(path, |file| file.write_all(page.as_bytes())).map_err(CliError::not_stored)?;
     }
     // last: once the table holds a finding, it is no longer new
-    table::write(&args.output, &rows, &names).map_err(CliError::not_stored)?;
+    table::write(&args.output, &collected, &names).map_err(CliError::not_stored)?;
     super::print(&if args.format == Format::Json { report::json(&summary) } else { report::text(&summary) })?;
     Ok(if args.fail_on.is_some() && !new.is_empty() { exit::NEGATIVE } else { exit::DONE })
 }

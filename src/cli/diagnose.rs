@@ -7,7 +7,7 @@ use super::diagnose_args::{DiagnoseArgs, Format};
 use super::diagnose_foreign::{self, Named};
 use super::identify::sha256;
 use super::outputs::{ATTACHED, PLAN, VALVE};
-use super::progress::Working;
+use super::progress::Searching;
 use super::valves::{checked_valve, name_apart};
 use super::{CliError, CliResult, exit};
 use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story, tell_of_candidates};
@@ -23,7 +23,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     if args.many.jobs.is_some() {
         let reading = args.reading.reading()?;
         let map = reading.map.clone();
-        return super::jobs::run(&super::jobs::Diagnose { reading }, &map, &args.many);
+        return super::jobs::run(&super::jobs::Diagnose { reading, foreign: args.foreign.clone() }, &map, &args.many);
     }
     let usage = || CliError::usage("a RECORDING and --model VALVE|FMU or --simulated COLUMN|FILE, or --jobs LIST");
     if args.recordings.is_empty() {
@@ -46,7 +46,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     if args.watch {
         tell_of_candidates(|tried| super::note(&serde_json::to_string(tried).unwrap_or_default()));
     }
-    let working = (!args.watch).then(|| Working::on("diagnosing"));
+    let working = (!args.watch).then(Searching::show);
     let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
     drop(working);
     name_apart(&mut diagnosed.augmented, &valve);
@@ -69,7 +69,7 @@ fn foreign(args: &DiagnoseArgs, named: Named) -> CliResult {
     let (base, file) = named.ready(args)?;
     let good = named_references(args)?;
     let recording = Recording::together(args.recordings.iter().map(|path| args.reading.read(path)).collect::<Result<_, _>>()?);
-    let working = Working::on("diagnosing");
+    let working = Searching::show();
     let mut diagnosed = against_foreign(&recording, &base, &good).map_err(CliError::input)?;
     drop(working);
     let added: Vec<&str> = diagnosed.augmented.effects.iter().skip(base.effects.len()).map(|e| e.id.as_str()).collect();

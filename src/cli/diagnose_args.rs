@@ -4,35 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::foreign_base::ForeignArgs;
 use super::jobs::JobsArgs;
 use super::outputs::Force;
 use super::reading::ReadArgs;
 use crate::units::Time;
-
-/// The options of a foreign base.
-#[derive(Debug, Args)]
-#[command(next_help_heading = "Foreign model (--model plant.fmu, or --simulated)")]
-pub struct ForeignArgs {
-    /// Instead of a model, the pressure that your own simulation gave for this very current: a column of the recording, or a
-    /// file with time_s and pressure_bar
-    #[arg(long, value_name = "COLUMN|FILE", conflicts_with_all = ["model", "jobs", "without"])]
-    pub simulated: Option<String>,
-    /// Run the native code inside this FMU with your rights; remembered for this very file
-    #[arg(long)]
-    pub(super) trust_fmu: bool,
-    /// The input of the FMU that takes the current, where its units do not tell
-    #[arg(long, value_name = "NAME")]
-    pub(super) fmu_current: Option<String>,
-    /// The output of the FMU that gives the pressure, where its units do not tell
-    #[arg(long, value_name = "NAME")]
-    pub(super) fmu_pressure: Option<String>,
-    /// Step of the FMU, where it is not what the FMU and the recording say
-    #[arg(long, value_name = "TIME")]
-    pub(super) fmu_step: Option<Time>,
-    /// Longest time that one run of the FMU may take
-    #[arg(long, value_name = "TIME", default_value = "60 s")]
-    pub(super) fmu_time_limit: Time,
-}
 
 /// What to diagnose.
 #[derive(Debug, Args)]

@@ -1,17 +1,19 @@
 //! `--jobs LIST`: the same command over many recordings, in parts, with rows that survive every kill.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 
+use super::foreign_base::{ForeignArgs, InFile};
 use super::shard::Shard;
 use super::valves::checked_valve;
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
-use crate::diagnose::diagnose;
+use crate::diagnose::{Foreign, diagnose, diagnose_foreign as against_foreign};
+use crate::exchange::{Attached, BaseFile};
 use crate::fleet::FleetError;
 use crate::fleet::list::{Job, ModelSource, read, read_groups};
 use crate::fleet::store::Store;
@@ -51,10 +53,29 @@ pub struct JobsArgs {
 pub struct Diagnose {
     /// How the recordings are read.
     pub reading: Reading,
+    /// How models that are not ours are run.
+    pub foreign: ForeignArgs,
+}
+
+/// What a recording is diagnosed against.
+pub enum Base {
+    /// A valve model of ours.
+    Valve(Box<Valve>),
+    /// A foreign model, and how an answer names it.
+    Foreign(Foreign, BaseFile),
+}
+
+impl Diagnose {
+    fn base(&self, path: &Path) -> Result<Base, CliError> {
+        let Some(file) = InFile::of(path)? else { return Ok(Base::Valve(Box::new(checked_valve(path)?))) };
+        let (foreign, file) = file.ready(&self.foreign, path)?;
+        // An answer lies elsewhere than its list: the base is named in full.
+        Ok(Base::Foreign(foreign, BaseFile { fmu: file.fmu.map(|p| p.canonicalize().unwrap_or(p)), ..file }))
+    }
 }
 
 impl Task for Diagnose {
-    type Model = Valve;
+    type Model = Base;
 
     fn name(&self) -> &'static str {
         "diagnose"
@@ -62,27 +83,36 @@ impl Task for Diagnose {
     fn needs_model(&self) -> bool {
         true
     }
-    fn model(&self, source: &ModelSource) -> Result<Valve, String> {
+    fn model(&self, source: &ModelSource) -> Result<Base, String> {
         match source {
-            ModelSource::File(path) => checked_valve(path).map_err(|e| e.message),
+            ModelSource::File(path) => self.base(path).map_err(|e| e.message),
             ModelSource::Identify(path) => {
                 // What is selected is selected of the job's own recording.
                 let reading = Reading { select: Selection::default(), ..self.reading.clone() };
                 let sweep = Recording::read_as(path, &reading).map_err(|e| e.to_string());
                 sweep
                     .and_then(|sweep| identified(sweep, &Options::default()))
-                    .map(|found| found.valve)
+                    .map(|found| Base::Valve(Box::new(found.valve)))
                     .map_err(|e| format!("identify: {e}"))
             }
             ModelSource::Missing(why) => Err(why.clone()),
         }
     }
-    fn answer(&self, job: &Job, model: Option<&Valve>) -> Result<Vec<(&'static str, String)>, String> {
-        let valve = model.ok_or("no model")?;
+    fn answer(&self, job: &Job, model: Option<&Base>) -> Result<Vec<(&'static str, String)>, String> {
+        let base = model.ok_or("no model")?;
         let recording = job.read(&self.reading)?;
-        let mut diagnosed = diagnose(&recording, valve).map_err(|e| e.to_string())?;
-        super::valves::name_apart(&mut diagnosed.augmented, valve);
-        Ok(vec![("toml", diagnosed.augmented.to_toml()), ("json", report::diagnosis::json(&diagnosed.diagnosis))])
+        let (model, diagnosed) = match base {
+            Base::Valve(valve) => {
+                let mut found = diagnose(&recording, valve).map_err(|e| e.to_string())?;
+                super::valves::name_apart(&mut found.augmented, valve);
+                (Some(found.augmented.to_toml()), found)
+            }
+            Base::Foreign(foreign, file) => {
+                let found = against_foreign(&recording, foreign, &[]).map_err(|e| e.to_string())?;
+                (Attached::of(&found, file.clone()).map(|a| a.to_toml()), found)
+            }
+        };
+        Ok(model.map(|text| ("toml", text)).into_iter().chain([("json", report::diagnosis::json(&diagnosed.diagnosis))]).collect())
     }
 }
 
@@ -156,7 +186,7 @@ pub fn run<T: Task>(task: &T, map: &[Mapping], args: &JobsArgs) -> CliResult {
 
 /// Whether any row of the folder stands for an input that could not be used.
 fn unusable_before(out: &std::path::Path) -> bool {
-    crate::fleet::store::last_rows([out]).is_ok_and(|rows| rows.iter().any(|r| r.status == crate::fleet::row::Status::Unusable))
+    crate::fleet::collected::last_rows([out]).is_ok_and(|rows| rows.iter().any(|r| r.status == crate::fleet::row::Status::Unusable))
 }
 
 /// No other process, here or on another node, has this name.

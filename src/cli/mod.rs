@@ -34,6 +34,7 @@ mod error;
 mod explain;
 mod export;
 mod files;
+mod foreign_base;
 mod history;
 mod identify;
 mod init;

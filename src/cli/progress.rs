@@ -1,9 +1,11 @@
 //! A progress bar on stderr for long runs; nothing where stderr is no terminal.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::diagnose::{Tried, tell_of_candidates};
 use crate::runner::{Observer, Progress};
 
 /// Shows where a run stands, once it takes longer than a moment.
@@ -74,6 +76,58 @@ impl Drop for Working {
             bar.finish_and_clear();
         }
     }
+}
+
+/// The search of a diagnosis: how many candidates of its present step have been tried, and the time that is left of the step. How
+/// many steps there will be, nobody knows before.
+pub struct Searching {
+    _line: Working,
+}
+
+/// The bar that the fits of all threads move.
+static SEARCH: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+impl Searching {
+    /// Begins to show it.
+    pub fn show() -> Self {
+        let working = Working::on("diagnosing");
+        *SEARCH.lock().unwrap_or_else(PoisonError::into_inner) = working.0.clone();
+        if working.0.is_some() {
+            tell_of_candidates(Self::tried);
+        }
+        Self { _line: working }
+    }
+
+    fn tried(tried: &Tried) {
+        let bar = SEARCH.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(bar) = bar.as_ref() else { return };
+        // What the model has grown by tells the step.
+        let step = format!("diagnosing, step {}", tried.beside.len() + 1);
+        if bar.message() != step || bar.length().is_some_and(|of| bar.position() >= of) {
+            bar.set_message(step);
+            bar.set_length(tried.of as u64);
+            bar.reset();
+            if let Ok(style) = ProgressStyle::with_template("{msg}: {pos} of {len} candidates, {eta} left of it, {elapsed}") {
+                bar.set_style(style);
+            }
+        }
+        bar.inc(1);
+    }
+}
+
+impl Drop for Searching {
+    fn drop(&mut self) {
+        *SEARCH.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+/// About how long is left of work of which `done` of `of` pieces are done since `begun`: `, about 3 min left`; nothing at its begin.
+pub fn left(begun: Instant, done: usize, of: usize) -> String {
+    if done == 0 {
+        return String::new();
+    }
+    let seconds = begun.elapsed().as_secs_f64() * of.saturating_sub(done) as f64 / done as f64;
+    if seconds < 90.0 { format!(", about {seconds:.0} s left") } else { format!(", about {:.0} min left", (seconds / 60.0).ceil()) }
 }
 
 /// A bar with the time left, for work that is counted.

@@ -281,12 +281,13 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         screened.into_par_iter().map(|(effect, fits)| (effect, fitter.begin(fits))).collect();
     let best = begun.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max);
     let needed = (PROMISING * best).max(stuck_nats(fitter));
+    let of = begun.len();
     begun
         .into_par_iter()
         .map(|(effect, mut fits)| {
             let hopeless = fitter.gain(incumbent, &fits[0]) < needed;
             let fit = if hopeless { fits.swap_remove(0) } else { fitter.finish(fits, false) };
-            watch::tried(effect, &incumbent.model.effects, incumbent.rmse_bar, fit.rmse_bar);
+            watch::tried(effect, &incumbent.model.effects, of, (incumbent.rmse_bar, fit.rmse_bar));
             Ranked { effect, fit }
         })
         .collect()

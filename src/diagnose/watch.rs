@@ -16,6 +16,8 @@ pub struct Tried {
     pub candidate: &'static str,
     /// The effects that the model had before.
     pub beside: Vec<&'static str>,
+    /// How many are tried beside them.
+    pub of: usize,
     /// RMS of the error without it [bar].
     pub before_bar: f64,
     /// RMS of the error with it [bar].
@@ -29,8 +31,8 @@ pub fn tell_of_candidates(told: fn(&Tried)) {
 }
 
 /// A candidate's fit has ended.
-pub(super) fn tried(effect: &'static dyn Effect, beside: &[&'static dyn Effect], before_bar: f64, rmse_bar: f64) {
+pub(super) fn tried(effect: &'static dyn Effect, beside: &[&'static dyn Effect], of: usize, (before_bar, rmse_bar): (f64, f64)) {
     if let Some(told) = TOLD.get() {
-        told(&Tried { candidate: effect.id(), beside: beside.iter().map(|e| e.id()).collect(), before_bar, rmse_bar });
+        told(&Tried { candidate: effect.id(), beside: beside.iter().map(|e| e.id()).collect(), of, before_bar, rmse_bar });
     }
 }

@@ -6,6 +6,7 @@
 
 mod error;
 
+pub mod collected;
 pub mod findings;
 pub mod list;
 pub mod row;

@@ -5,12 +5,12 @@
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use super::FleetError;
-use super::row::{Row, Status};
+use super::row::Row;
 use crate::digest;
 use crate::recording::replace_file;
 
@@ -118,6 +118,14 @@ fn file_name(id: &str, digest: &str) -> String {
 /// # Errors
 /// What the file system says. A torn line is the rest of a kill and no error.
 pub fn each_row(folder: &Path, mut take: impl FnMut(Row)) -> Result<(), FleetError> {
+    for path in segments(folder)? {
+        rows_after(&path, 0, &mut take)?;
+    }
+    Ok(())
+}
+
+/// The segments of a folder, by name.
+pub(super) fn segments(folder: &Path) -> Result<Vec<PathBuf>, FleetError> {
     let rows = folder.join("rows");
     let mut segments: Vec<PathBuf> = Vec::new();
     for entry in std::fs::read_dir(&rows).map_err(FleetError::store(&rows))? {
@@ -127,48 +135,31 @@ pub fn each_row(folder: &Path, mut take: impl FnMut(Row)) -> Result<(), FleetErr
         }
     }
     segments.sort();
-    for path in segments {
-        let mut reader = BufReader::with_capacity(1 << 18, File::open(&path).map_err(FleetError::store(&path))?);
-        let mut line = Vec::new();
-        loop {
-            line.clear();
-            if reader.read_until(b'\n', &mut line).map_err(FleetError::store(&path))? == 0 {
-                break;
-            }
-            if line.ends_with(b"\n")
-                && let Ok(row) = serde_json::from_slice::<Row>(&line)
-            {
-                take(row);
-            }
+    Ok(segments)
+}
+
+/// Calls `take` with every whole row of a segment from this byte on; the end of the last of them [bytes].
+pub(super) fn rows_after(path: &Path, from: u64, take: &mut dyn FnMut(Row)) -> Result<u64, FleetError> {
+    let mut file = File::open(path).map_err(FleetError::store(path))?;
+    file.seek(SeekFrom::Start(from)).map_err(FleetError::store(path))?;
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let (mut line, mut end) = (Vec::new(), from);
+    loop {
+        line.clear();
+        let bytes = reader.read_until(b'\n', &mut line).map_err(FleetError::store(path))?;
+        if !line.ends_with(b"\n") {
+            return Ok(end);
+        }
+        end += bytes as u64;
+        if let Ok(row) = serde_json::from_slice::<Row>(&line) {
+            take(row);
         }
     }
-    Ok(())
-}
-
-/// The last answer to every id, by id.
-///
-/// # Errors
-/// As [`each_row`].
-pub fn last_rows<'a>(folders: impl IntoIterator<Item = &'a Path>) -> Result<Vec<Row>, FleetError> {
-    let mut rows: std::collections::BTreeMap<String, Row> = std::collections::BTreeMap::new();
-    for folder in folders {
-        each_row(folder, |mut row| {
-            row.document = row.document.map(|d| folder.join(d).display().to_string());
-            // two workers on the same job give the same row
-            if rows.get(&row.id).is_none_or(|before| better(&row, before)) {
-                rows.insert(row.id.clone(), row);
-            }
-        })?;
-    }
-    Ok(rows.into_values().collect())
-}
-
-fn better(new: &Row, before: &Row) -> bool {
-    (new.attempt, new.status == Status::Done) > (before.attempt, before.status == Status::Done)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::collected::last_rows;
     use super::super::table::example;
     use super::*;
 

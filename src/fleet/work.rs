@@ -292,7 +292,7 @@ mod tests {
         // the recording that was not there is asked for again; nothing else is
         std::fs::write(&jobs[3].recording, "xyz")?;
         assert_eq!(run("b", &jobs)?, Progress { jobs: 5, done: 1, skipped: 4, unusable: 0 });
-        let rows = super::super::store::last_rows([folder.path()])?;
+        let rows = super::super::collected::last_rows([folder.path()])?;
         assert_eq!(rows.iter().map(|r| r.attempt).collect::<Vec<_>>(), [1, 1, 1, 2, 1]);
         assert!(rows[1].error.as_deref() == Some("row 3: no number") && rows[0].rmse_bar["base"] == 8.0);
         // another model is another question
