@@ -286,6 +286,32 @@ check("operator: nothing hangs over the edge at 480 px", await page.evaluate(() 
 await page.screenshot({ path: join(folder, "operator-480.png"), fullPage: true });
 await page.setViewportSize({ width: 1400, height: 900 });
 
+// On a wall: all of it is seen without scrolling, and the verdict grows with the screen.
+for (const [width, height] of [[2560, 1440], [3840, 2160]]) {
+  await page.setViewportSize({ width, height });
+  await sleep(300);
+  const seen = await page.evaluate(() => ({ over: document.documentElement.scrollWidth > innerWidth, end: Math.max(...[...document.querySelectorAll(".site .word")].map((n) => n.getBoundingClientRect().bottom)), word: document.querySelector(".word").getBoundingClientRect().height, wide: document.querySelector(".sites").getBoundingClientRect().width }));
+  check(`${width} x ${height}: fills the wall, and the verdicts are on it`, !seen.over && seen.end <= height && seen.word > 0.06 * height && seen.wide > 0.8 * width, JSON.stringify(seen));
+  await page.screenshot({ path: join(folder, `operator-${width}.png`) });
+}
+await page.setViewportSize({ width: 1400, height: 900 });
+
+// The same operator in German: what the program refuses is told in German.
+const german = await open(address, { locale: "de-DE" });
+await german.waitForSelector("#serial");
+await german.fill("#operator", "4711");
+await german.locator("#operator").press("Enter");
+for (const [typed, answer] of [["X-99", "„X-99“ hat nicht die Form „V-##“"], ["V-01", "hat in dieser Charge schon bestanden"]]) {
+  await german.fill("#serial", typed);
+  await german.locator("#serial").press("Enter");
+  await german.waitForFunction((t) => document.getElementById("said").textContent.includes(t), answer, { timeout: 5000 }).catch(() => {});
+  check(`German: ${answer}`, (await german.locator("#said").innerText()).includes(answer), await german.locator("#said").innerText());
+}
+await german.locator('nav a[href="#engineer"]').click();
+await german.waitForFunction(() => document.querySelector(".log")?.textContent.includes("vom Bediener gestoppt"), undefined, { timeout: 5000 }).catch(() => {});
+check("German: the log", (await german.locator(".log").innerText()).includes("vom Bediener gestoppt"), await german.locator(".log").innerText());
+await german.context().close();
+
 // A plan that asks: answered by the keyboard, a wrong answer is told, what was answered is recorded.
 await page.locator("#product").focus();
 await keys.press("ArrowDown");

@@ -365,3 +365,35 @@ fn answers_come_from_a_file_where_nobody_is_there() {
     assert!(!folder.path().join("never").exists(), "nothing began");
     assert_eq!(hil(&["check", "a.toml", "plan.toml"]).0, Some(0));
 }
+
+/// Two emulated sites on one supply take turns, and the one that waits says so.
+#[test]
+fn a_site_that_waits_for_the_shared_supply_says_so() {
+    let station = STATION
+        .replace("simulated = true", "driver = \"emulator-tcp\"")
+        .replace("store = \"records\"", "store = \"records\"\nsupply = { pressure = \"40 bar\", shared = true }");
+    let station = format!("{station}emulate = \"paper\"\n[[site]]\nname = \"two\"\nemulate = \"paper\"\n");
+    let folder = tempfile::tempdir().unwrap();
+    let served = Served::with(folder.path(), &station, &PLAN.replace("600 ms", "2 s"));
+    let operator = served.enter(&served.token);
+    let start = |site: usize| {
+        let entry = json!({ "site": site, "product": "p", "serial": format!("S{site}"), "operator": "somebody" });
+        assert_eq!(operator.post("/api/start", entry).status, 200);
+    };
+    let lights = || {
+        let board = operator.board();
+        [0, 1].map(|k| (board["sites"][k]["light"].as_str().unwrap_or_default().to_owned(), board["sites"][k]["run"].is_object()))
+    };
+    let (began, mut seen) = (Instant::now(), Vec::new());
+    start(0);
+    operator.site(|s| s["light"] == "running");
+    start(1);
+    while seen.last().is_none_or(|last: &[(String, bool); 2]| last.iter().any(|(light, _)| light != "idle")) {
+        assert!(began.elapsed() < Duration::from_secs(60), "{seen:?}");
+        seen.push(lights());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let is = |now: &[(String, bool); 2], first: &str, second: &str| now[0].0 == first && now[1].0 == second;
+    assert!(seen.iter().any(|now| is(now, "running", "waiting") && now[1].1), "{seen:?}");
+    assert!(seen.iter().any(|now| now[1].0 == "running"), "the second had its turn: {seen:?}");
+}

@@ -1,5 +1,5 @@
 // What a test engineer sees: the loop, its timing, the log, the batch with its charts, every record.
-import { t } from "./texts.js";
+import { t, told } from "./texts.js";
 import { clock, fill, h, number, s, say } from "./dom.js";
 import { get, link, post } from "./link.js";
 import { table } from "./history.js";
@@ -56,7 +56,7 @@ export function engineer(main, curves) {
   return {
     board(board) {
       if (chooser.options.length !== board.sites.length) fill(chooser, board.sites.map((s, k) => h("option", { value: k }, s.name)));
-      fill(log, [...board.log].reverse().slice(0, 60).map((l) => h("li", {}, h("time", {}, clock(l.at)), ` ${l.site === null ? "" : `${board.sites[l.site].name}: `}${l.text}`)));
+      fill(log, [...board.log].reverse().slice(0, 60).map((l) => h("li", {}, h("time", {}, clock(l.at)), ` ${l.site === null ? "" : `${board.sites[l.site].name}: `}${told(l.text)}`)));
       const now = JSON.stringify([board.batch, board.sites.map((s) => s.verdict?.record)]);
       if (now !== verdicts) { verdicts = now; refresh(); }
       list();

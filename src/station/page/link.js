@@ -1,4 +1,6 @@
 // The line to the station: who we are, what is the case, what happens. It mends itself.
+import { told } from "./texts.js";
+
 const SILENT = 900; // ms without an event after which nobody is believed to be there; the station sends one every 400 ms
 
 export const link = { role: null, act: null, board: null, there: false };
@@ -16,7 +18,7 @@ function tell(name, value) {
 async function answer(response) {
   const value = await response.json().catch(() => ({}));
   if (response.status === 401) out();
-  if (!response.ok) throw new Error(value.refused ?? `${response.status}`);
+  if (!response.ok) throw new Error(value.refused ? told(value.refused) : `${response.status}`);
   return value;
 }
 

@@ -1,5 +1,5 @@
 // What an operator sees: whose turn, which valve, start, live curves, the verdict, what comes next.
-import { t } from "./texts.js";
+import { t, told } from "./texts.js";
 import { clock, fill, h, number, say } from "./dom.js";
 import { link, post } from "./link.js";
 import { light, sign } from "./signs.js";
@@ -196,9 +196,9 @@ export function operate(main, curves) {
       h("p", { class: "next" }, t(`next_${v.outcome}`)),
       h("p", { class: "under" }, h("b", {}, v.serial), ` ${t("attempt", v.attempt)} · ${v.operator} · ${t("stored", clock(v.at))} `,
         v.record ? h("a", { href: `/record/${v.record}`, target: "_blank", rel: "noopener" }, t("report")) : null),
-      v.reasons.map((r) => h("p", { class: "reason" }, r)),
+      v.reasons.map((r) => h("p", { class: "reason" }, told(r))),
       v.failed.length ? [h("h4", {}, t("outside")), h("ul", { class: "failed" }, v.failed.map((f) => h("li", {}, h("b", {}, f[0]), ` ${f[1]} (${f[2]})`)))] : null,
-      v.safe_state ? h("p", { class: v.safe_state.confirmed ? "safe" : "reason" }, t(v.safe_state.confirmed ? "safe_confirmed" : "safe_unknown", v.safe_state.evidence)) : null,
+      v.safe_state ? h("p", { class: v.safe_state.confirmed ? "safe" : "reason" }, t(v.safe_state.confirmed ? "safe_confirmed" : "safe_unknown", told(v.safe_state.evidence))) : null,
     ];
   }
 

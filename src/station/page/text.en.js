@@ -127,4 +127,7 @@ export default {
   diagnosis_failed: "No diagnosis",
   too_large: "The recording is larger than 64 MB.",
   none_found: "Nothing is stored of it.",
+
+  // The program speaks English.
+  said: [],
 };

@@ -13,6 +13,18 @@ export function t(key, ...values) {
   return text.replace(/\{(\d)\}/g, (_, k) => values[k] ?? "");
 }
 
+const meant = (text) => text.replace(/[.*+?^$()|[\]\\]/g, "\\$&");
+const sentences = languages[language].said.map(([english, own]) => [new RegExp(`^${meant(english).replace(/\{\d\}/g, "([^]*?)")}$`), own]);
+
+// What the program says, in the language of the page where it has the sentence.
+export function told(text) {
+  for (const [sentence, own] of sentences) {
+    const found = sentence.exec(text);
+    if (found) return own.replace(/\{(\d)\}/g, (_, k) => told(found[Number(k) + 1]));
+  }
+  return text;
+}
+
 export const other = language === "de" ? "en" : "de";
 
 export function choose(next) {
