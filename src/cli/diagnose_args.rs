@@ -8,7 +8,6 @@ use super::foreign_base::ForeignArgs;
 use super::jobs::JobsArgs;
 use super::outputs::Force;
 use super::reading::ReadArgs;
-use crate::units::Time;
 
 /// What to diagnose.
 #[derive(Debug, Args)]

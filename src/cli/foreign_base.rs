@@ -114,4 +114,3 @@ fn fmu(options: &ForeignArgs, path: &Path, attached: Option<&Attached>) -> Resul
 fn fmu(_: &ForeignArgs, path: &Path, _: Option<&Attached>) -> Result<(Foreign, BaseFile), CliError> {
     Err(CliError::usage(format!("{}: this build runs no FMU; --simulated takes the pressure that it gives", path.display())))
 }
-

@@ -49,6 +49,7 @@ mod margins;
 mod master;
 mod metrics_page;
 mod msa;
+mod narrow;
 mod on_wire;
 mod outputs;
 mod paper;

@@ -3,9 +3,12 @@
 use std::io::Write;
 
 use super::error::{CliError, exit};
+use super::narrow;
 
-/// Writes `text` to stdout; a closed pipe (`hil explain | head`) is no error.
+/// Writes `text` to stdout, as wide as a terminal there is; a closed pipe (`hil explain | head`) is no error.
 pub fn print(text: &str) -> Result<(), CliError> {
+    let narrow = narrow::for_terminal(text);
+    let text = narrow.as_deref().unwrap_or(text);
     let mut out = anstream::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(CliError::not_stored(format!("stdout: {error}"))),

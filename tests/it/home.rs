@@ -121,3 +121,47 @@ fn the_script_of_ci_compares_with_the_accepted_report() {
         assert!(folder.read(file).contains("sh ci/check.sh") && folder.read(file).contains("diff.md"), "{file}");
     }
 }
+
+/// On a terminal of 60 columns no line of any report is longer; `script` of util-linux gives the program such a terminal.
+#[test]
+fn reports_fit_a_terminal_of_sixty_columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let hil = env!("CARGO_BIN_EXE_hil");
+    let on_terminal = |line: &str| {
+        let out = std::process::Command::new("script")
+            .args([
+                "--quiet",
+                "--return",
+                "--command",
+                &format!("stty rows 40 cols 60; {hil} --color never {line} 2> /dev/null"),
+                "/dev/null",
+            ])
+            .current_dir(folder.path())
+            .stdin(std::process::Stdio::null())
+            .output()
+            .expect("`script` of util-linux");
+        assert!(out.status.code().is_some_and(|code| code < 2), "{line}: {}", String::from_utf8_lossy(&out.stdout));
+        String::from_utf8_lossy(&out.stdout).replace('\r', "")
+    };
+    for line in [
+        "run tipin --sim --out run",
+        "report run",
+        "init work --example diagnosis",
+        "inspect work/recordings/logger.csv",
+        "identify work/recordings/sweep.csv -o valve.toml",
+        "diagnose work/recordings/sweep.csv --model valve.toml",
+        "batch tipin --sim --count 3 --out lot",
+        "report lot",
+        "diff run run",
+        "margins --model paper --kp '1 mA/bar' --ki '5 mA/(bar s)'",
+        "explain",
+        "explain flow_limit",
+        "explain rmse",
+        "check work/plans/acceptance.toml",
+        "run --help",
+    ] {
+        let text = on_terminal(line);
+        let long: Vec<&str> = text.lines().filter(|l| l.chars().count() > 60 && l.trim().contains(' ')).collect();
+        assert!(!text.trim().is_empty() && long.is_empty(), "{line}: {long:#?}");
+    }
+}

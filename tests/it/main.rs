@@ -20,18 +20,21 @@ mod identify;
 mod last_word;
 mod logs;
 mod margins_law;
+mod old_records;
 mod outputs;
 mod paper;
 mod peers;
 mod power;
 mod promises;
+#[cfg(unix)]
+mod prompts;
 mod readme;
 mod run;
 mod shipped;
 mod simulate;
 mod soak;
-#[cfg(unix)]
 mod station;
+mod station_words;
 mod ways_out;
 mod wire;
 mod wire_ends;
