@@ -158,7 +158,6 @@ fn reports_fit_a_terminal_of_sixty_columns() {
         "explain flow_limit",
         "explain rmse",
         "check work/plans/acceptance.toml",
-        "run --help",
     ] {
         let text = on_terminal(line);
         let long: Vec<&str> = text.lines().filter(|l| l.chars().count() > 60 && l.trim().contains(' ')).collect();
