@@ -40,7 +40,7 @@ pub enum InFile {
     /// A functional mock-up unit.
     Fmu,
     /// What was found about one.
-    Attached(Attached),
+    Attached(Box<Attached>),
 }
 
 impl InFile {
@@ -51,7 +51,7 @@ impl InFile {
         }
         // What is no readable text of that kind is a valve's affair, whose reader says what is wrong.
         let attached = path.is_file() && std::fs::read_to_string(path).is_ok_and(|text| Attached::is(&text));
-        if attached { Attached::load(path).map(|a| Some(Self::Attached(a))).map_err(CliError::input) } else { Ok(None) }
+        if attached { Attached::load(path).map(|a| Some(Self::Attached(Box::new(a)))).map_err(CliError::input) } else { Ok(None) }
     }
 
     /// The base made ready, and how an answer names it.
