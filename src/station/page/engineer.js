@@ -5,7 +5,7 @@ import { get, link, post } from "./link.js";
 import { table } from "./history.js";
 
 export function engineer(main, curves) {
-  let site = 0, wanted = false, told = "";
+  let site = 0, wanted = false, shown = "";
   const canvas = h("canvas", { role: "img" });
   const chooser = h("select", { id: "which", onchange: () => { site = Number(chooser.value); want(); } });
   const timing = h("dl", { class: "facts" }), log = h("ol", { class: "log", tabindex: 0, "aria-label": t("log") }), batch = h("div"), records = h("div");
@@ -46,8 +46,8 @@ export function engineer(main, curves) {
   }
   async function list() {
     const now = JSON.stringify(link.board.sites.map((s) => s.verdict?.record));
-    if (now === told) return;
-    told = now;
+    if (now === shown) return;
+    shown = now;
     const found = await get("/api/records").catch(() => null);
     if (found) fill(records, table(found.attempts.slice(0, 200)));
   }
