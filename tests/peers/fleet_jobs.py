@@ -7,15 +7,28 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from models import BASE
 
 STEP_S, SECONDS = 0.01, 15.0
+VALVE = """schema = "hil.valve/1"
+name = "{name}"
+source = "made for a test"
+current_limits = ["0 A", "1 A"]
+hysteresis.hyperbolic.a = "0.8 bar^2"
+delay = "20 ms"
+lag = "10 ms"
+floor = "0 bar"
+noise = "20 mbar"
+
+[curve]
+ascending = [-42.65, 92.5, -8.4, -2.03]
+descending = [-40.01, 83.32, -1.3, -2.41]
+"""
 
 
 def main():
     hil, folder, count = Path(sys.argv[1]).resolve(), Path(sys.argv[2]), int(sys.argv[3])
-    (folder / "model.toml").write_text(BASE.format(name="good"), encoding="utf-8")
-    (folder / "leaks.toml").write_text(BASE.format(name="leaks") + '\n[[effect]]\nleakage = { loss = "1.5 bar" }\n', encoding="utf-8")
+    (folder / "model.toml").write_text(VALVE.format(name="good"), encoding="utf-8")
+    (folder / "leaks.toml").write_text(VALVE.format(name="leaks") + '\n[[effect]]\nleakage = { loss = "1.5 bar" }\n', encoding="utf-8")
     t = np.arange(0.0, SECONDS, STEP_S)
     lines = ["id,recording,model,lot,mileage"]
     for k in range(count):
