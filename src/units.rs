@@ -124,6 +124,12 @@ impl Unit {
     }
 }
 
+/// `value` with three figures that count, in at most so many decimals.
+pub fn three_figures(value: f64, most_decimals: i32) -> String {
+    let decimals = if value == 0.0 { 0 } else { (2 - value.abs().log10().floor() as i32).clamp(0, most_decimals) as usize };
+    format!("{value:.decimals$}")
+}
+
 fn finite(text: &str, value: f64) -> Result<f64, UnitError> {
     if value.is_finite() { Ok(value) } else { Err(UnitError::NotFinite { text: text.into() }) }
 }

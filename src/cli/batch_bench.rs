@@ -2,12 +2,13 @@
 
 use std::io::{BufRead, IsTerminal};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use super::batch_args::{RigArgs, ValveReports};
 use super::batch_emulated::Emulated;
 use super::batch_folder::attempt_folder;
+use super::lock::lock;
 use super::on_wire::{self, WireArgs};
 use super::run::sha256;
 use super::seat::{Company, Seat};
@@ -110,7 +111,7 @@ impl Setup {
             Ok(turn) => turn,
             Err(_) => {
                 (seat.waits)();
-                supply.lock().unwrap_or_else(PoisonError::into_inner)
+                lock(supply)
             }
         });
         (seat.begins)();

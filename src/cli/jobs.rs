@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 
 use super::foreign_base::{ForeignArgs, InFile};
+use super::lock::lock;
 use super::shard::Shard;
 use super::valves::checked_valve;
 use super::{CliError, CliResult, exit};
@@ -207,7 +208,7 @@ impl Teller {
     }
 
     fn tell(&self, p: Progress) {
-        let mut told = self.told.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut told = lock(&self.told);
         if told.elapsed() < Duration::from_secs(5) {
             return;
         }

@@ -1,9 +1,10 @@
 //! The last word of a command: a current that nobody saw go stands above every other message, and above every other exit
 //! code.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::exit;
+use super::lock::lock;
 use crate::rig::SafeState;
 use crate::rig::loop_thread::LoopControl;
 
@@ -12,7 +13,7 @@ static UNCONFIRMED: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// Notes that the safe state of a rig was not confirmed.
 pub fn unconfirmed(evidence: &str) {
-    UNCONFIRMED.lock().unwrap_or_else(PoisonError::into_inner).push(evidence.into());
+    lock(&UNCONFIRMED).push(evidence.into());
 }
 
 /// Watches over one rig: whatever way leads out of its run, a panic included, an unconfirmed safe state is noted.
@@ -36,12 +37,12 @@ pub fn note(state: &SafeState) {
 
 /// Somebody has taken away what was left energised.
 pub fn settled(evidence: &str) {
-    UNCONFIRMED.lock().unwrap_or_else(PoisonError::into_inner).retain(|known| known != evidence);
+    lock(&UNCONFIRMED).retain(|known| known != evidence);
 }
 
 /// Says it, where there is anything to say; the exit code of the process.
 pub fn say(code: u8) -> u8 {
-    let unconfirmed = std::mem::take(&mut *UNCONFIRMED.lock().unwrap_or_else(PoisonError::into_inner));
+    let unconfirmed = std::mem::take(&mut *lock(&UNCONFIRMED));
     if unconfirmed.is_empty() {
         return code;
     }

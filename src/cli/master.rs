@@ -12,7 +12,7 @@ use super::{CliError, CliResult, exit, files, run_folder};
 use crate::batch::master;
 use crate::batch::station::Station;
 use crate::plan::Override;
-use crate::record::{Dut, Outcome, Provenance};
+use crate::record::{Dut, Provenance};
 
 /// Arguments of `hil master`.
 #[derive(Debug, Args)]
@@ -63,10 +63,9 @@ pub fn run(args: &MasterArgs) -> CliResult {
         return Ok(exit::RIG);
     }
     super::note(&format!("stored in {}, logged in {}", folder.display(), log.display()));
-    Ok(match record.outcome {
-        Outcome::Pass | Outcome::Marginal | Outcome::Fail | Outcome::NotRun if check.as_expected => exit::DONE,
-        Outcome::Pass | Outcome::Marginal | Outcome::Fail | Outcome::NotRun => exit::NEGATIVE,
+    if record.outcome.is_broken() {
         // No verdict, so nothing is said of the station.
-        outcome @ (Outcome::Invalid | Outcome::Error | Outcome::Aborted) => exit_code(outcome),
-    })
+        return Ok(exit_code(record.outcome));
+    }
+    Ok(if check.as_expected { exit::DONE } else { exit::NEGATIVE })
 }

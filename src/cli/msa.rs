@@ -22,7 +22,7 @@ use crate::batch::tally::measurements;
 use crate::batch::{BatchError, readings};
 use crate::output::{Mark, Outputs};
 use crate::plan::Override;
-use crate::record::{Dut, Outcome, TestRecord};
+use crate::record::{Dut, TestRecord};
 use crate::report::batch::{msa_markdown, msa_text};
 use crate::units::Unit;
 
@@ -206,7 +206,7 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
                 return Err(CliError::rig(format!("{}: {}", record.dut.serial, record.reasons.join("; "))));
             }
             // What was measured under a broken condition is no reading.
-            if matches!(record.outcome, Outcome::Aborted | Outcome::Invalid | Outcome::Error) {
+            if record.outcome.is_broken() {
                 let message = format!("{}: {}", record.dut.serial, record.reasons.join("; "));
                 return Err(CliError { code: exit_code(record.outcome), message });
             }

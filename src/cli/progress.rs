@@ -1,10 +1,11 @@
 //! A progress bar on stderr for long runs; nothing where stderr is no terminal.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::lock::lock;
 use crate::diagnose::{Tried, tell_of_candidates};
 use crate::runner::{Observer, Progress};
 
@@ -91,7 +92,7 @@ impl Searching {
     /// Begins to show it.
     pub fn show() -> Self {
         let working = Working::on("diagnosing");
-        *SEARCH.lock().unwrap_or_else(PoisonError::into_inner) = working.0.clone();
+        *lock(&SEARCH) = working.0.clone();
         if working.0.is_some() {
             tell_of_candidates(Self::tried);
         }
@@ -99,7 +100,7 @@ impl Searching {
     }
 
     fn tried(tried: &Tried) {
-        let bar = SEARCH.lock().unwrap_or_else(PoisonError::into_inner);
+        let bar = lock(&SEARCH);
         let Some(bar) = bar.as_ref() else { return };
         // What the model has grown by tells the step.
         let step = format!("diagnosing, step {}", tried.beside.len() + 1);
@@ -117,7 +118,7 @@ impl Searching {
 
 impl Drop for Searching {
     fn drop(&mut self) {
-        *SEARCH.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        *lock(&SEARCH) = None;
     }
 }
 

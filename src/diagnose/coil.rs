@@ -76,11 +76,7 @@ pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) 
     let base = Model::base(valve).ok()?.on(&evidence);
     let base = if evidence.is_slow() { base.of_process(evidence.step_s()) } else { base };
     let unsettled = start::unsettled(&mut evidence, &base);
-    let mut measured = Fitter::new(&evidence);
-    for k in unsettled {
-        measured.measured[k] = f64::NAN;
-    }
-    let (fit, _) = recalibrated(&measured, base);
+    let (fit, _) = recalibrated(&Fitter::without(&evidence, unsettled), base);
     let gone = 1.0 - missing(fit.rmse_bar).max(0.0) / before;
     let (explains, structure) = (fitter.criteria.explains, fitter.criteria.structure);
     let missing = if gone >= explains && fit.rmse_bar <= structure * fitter.floor_bar {
@@ -96,6 +92,9 @@ pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) 
 /// The recording with the measured current in place of the command, its noise followed by a play: to the hysteresis of a valve
 /// each reversal of it would be one of the spool.
 fn by_measured(recording: &Recording) -> Option<Recording> {
+    if recording.runs.iter().any(|run| run.current_meas_a.is_none()) {
+        return None;
+    }
     let mut driven = recording.clone();
     let (mut all, mut known, mut apart_a) = (0usize, 0usize, 0.0f64);
     for run in &mut driven.runs {

@@ -39,24 +39,23 @@ impl Fit<'_> {
     pub fn at_edge(&self) -> bool {
         let Some((effect, last)) = self.model.effects.last().zip(self.model.effects.len().checked_sub(1)) else { return false };
         let free = self.model.free();
-        let at_edge = |k: usize| {
-            let near =
-                |edge: f64| free[k].distance(self.theta[k], edge).abs() < EDGE * free[k].distance(free[k].range.0, free[k].range.1).abs();
-            near(free[k].range.0) || near(free[k].range.1)
-        };
+        let at_edge = |k: usize| self.stands_at(&free, k, free[k].range.0) || self.stands_at(&free, k, free[k].range.1);
         effect.parameters().iter().zip(self.model.place(last)).any(|(p, k)| p.default.is_none() && at_edge(k))
+    }
+
+    /// Whether parameter `j` stands at this end of its range.
+    fn stands_at(&self, free: &[Free], j: usize, edge: f64) -> bool {
+        let (low, high) = free[j].range;
+        free[j].distance(self.theta[j], edge).abs() < EDGE * free[j].distance(low, high).abs()
     }
 
     /// Whether a parameter of effect number `k` has ended where its range does, and not at the value of its plainest form: the
     /// effect then explains by what it does not mean to be.
     pub fn at_bound(&self, k: usize) -> bool {
         let free = self.model.free();
-        let at = |j: usize, edge: f64| {
-            free[j].distance(self.theta[j], edge).abs() < EDGE * free[j].distance(free[j].range.0, free[j].range.1).abs()
-        };
         self.model.effects[k].parameters().iter().zip(self.model.place(k)).any(|(p, j)| {
             let (low, high) = free[j].range;
-            low < high && [low, high].into_iter().any(|edge| at(j, edge) && p.default != Some(edge))
+            low < high && [low, high].into_iter().any(|edge| self.stands_at(&free, j, edge) && p.default != Some(edge))
         })
     }
 }
@@ -92,6 +91,15 @@ impl<'e> Fitter<'e> {
             criteria: Criteria::default(),
             found: Vec::new(),
         }
+    }
+
+    /// For the evidence without these samples.
+    pub fn without(evidence: &'e Evidence, left_out: Vec<usize>) -> Self {
+        let mut fitter = Self::new(evidence);
+        for k in left_out {
+            fitter.measured[k] = f64::NAN;
+        }
+        fitter
     }
 
     /// The same on a part of the evidence.

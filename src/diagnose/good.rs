@@ -142,10 +142,7 @@ impl Good {
             base = base.of_process(evidence.step_s());
         }
         let unsettled = start::unsettled(&mut evidence, &base);
-        let mut fitter = Fitter::new(&evidence);
-        for k in unsettled {
-            fitter.measured[k] = f64::NAN;
-        }
+        let mut fitter = Fitter::without(&evidence, unsettled);
         let (null, base) = recalibrated(&fitter, base);
         let masked: Vec<Scattered> = scatter(&fitter, &null, |_| true);
         for k in masked.iter().flat_map(|s| &s.finding.masked) {

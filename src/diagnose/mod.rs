@@ -130,12 +130,9 @@ fn on_evidence(
     }
     evidence.notes.extend(valve.warnings());
     let unsettled = start::unsettled(&mut evidence, &base);
-    let mut fitter = Fitter::new(&evidence);
+    let mut fitter = Fitter::without(&evidence, unsettled);
     if let Some(good) = &good {
         fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());
-    }
-    for k in unsettled {
-        fitter.measured[k] = f64::NAN;
     }
     // Readings that measure nothing go first, so that they hide nothing else.
     let (null, base) = search::recalibrated(&fitter, base);

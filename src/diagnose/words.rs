@@ -2,6 +2,10 @@
 
 use super::diagnosis::{Diagnosis, Estimate, Finding, Verdict};
 use crate::physics::{Effect, effect};
+use crate::units::three_figures;
+
+/// Smaller differences are nobody's concern.
+const MOST_DECIMALS: i32 = 6;
 
 /// The title of an effect's manual page, in lower case: `first-order lag`.
 pub fn title(id: &str) -> String {
@@ -93,10 +97,7 @@ pub fn uncertainty(id: &str, name: &str, estimate: &Estimate) -> String {
 
 /// A value with a unit that reads well: seconds below one as milliseconds, amperes as milliamperes, ratios as percent.
 pub fn figure(value: f64, unit: &str) -> String {
-    let round = |v: f64| {
-        let digits = if v == 0.0 { 0 } else { (2 - v.abs().log10().floor() as i32).clamp(0, 6) as usize };
-        format!("{v:.digits$}")
-    };
+    let round = |v: f64| three_figures(v, MOST_DECIMALS);
     match unit {
         "s" if value.abs() < 1.0 => format!("{} ms", round(1e3 * value)),
         "A" if value.abs() < 1.0 => format!("{} mA", round(1e3 * value)),

@@ -5,10 +5,13 @@ use super::parameters::Parameter;
 use super::survey::Survey;
 use super::{HysteresisChoice, Options};
 use crate::course::Course;
+use crate::units::three_figures;
 use crate::valve::Valve;
 
 /// A valve's current lies below this; more is a duty or a percentage [A].
 const LARGEST_CURRENT_A: f64 = 5.0;
+/// Decimals that hold three figures of whatever is not zero.
+const MOST_DECIMALS: i32 = 330;
 /// A current that moves on by more than this share of its range until the pressure follows sweeps no loop.
 const SWEEP: f64 = 0.2;
 /// Fewer reversals do not carry the hyperbola.
@@ -160,13 +163,9 @@ fn current(a: f64) -> String {
     if a.abs() < 1.0 { format!("{:.2} mA", 1e3 * a) } else { format!("{} A", figures(a)) }
 }
 
-/// A value with three figures.
+/// A value with three figures, however small.
 fn figures(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let decimals = (2.0 - value.abs().log10().floor()).max(0.0) as usize;
-    format!("{value:.decimals$}")
+    three_figures(value, MOST_DECIMALS)
 }
 
 #[cfg(test)]

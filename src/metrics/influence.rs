@@ -101,12 +101,26 @@ fn change(segment: &Segment<'_>, influence: &Influence<'_>, per: f64) -> Result<
     Ok(least_squares(&x, &p).0 * per)
 }
 
+/// The change of the pressure for a change of the influence by `per`, as a share of the rated pressure where there is one.
+fn sensitivity(segment: &Segment<'_>, influence: &Influence<'_>, per: f64, rated: Option<Pressure>) -> Result<f64, NotMeasurable> {
+    Ok(change(segment, influence, per)? / rated.map_or(1.0, Pressure::value))
+}
+
+fn unit(rated: Option<Pressure>) -> &'static Unit {
+    if rated.is_some() { &units::RATIO } else { &units::PRESSURE }
+}
+
+fn check(per: f64, written: impl std::fmt::Display, rated: Option<Pressure>) -> Result<(), String> {
+    super::positive("per", per, &written)?;
+    rated.map_or(Ok(()), |r| super::positive("rated", r.value(), &r))
+}
+
 impl Metric for TemperatureSensitivity {
     fn id(&self) -> &'static str {
         "temperature_sensitivity"
     }
     fn unit(&self) -> &'static Unit {
-        if self.rated.is_some() { &units::RATIO } else { &units::PRESSURE }
+        unit(self.rated)
     }
     fn needs(&self) -> Needs {
         Needs::NOTHING
@@ -116,11 +130,10 @@ impl Metric for TemperatureSensitivity {
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let oil = Influence { values: segment.signals.oil_temp_c, name: "oil temperature", unit: "K" };
-        Ok(change(segment, &oil, self.per.value())? / self.rated.map_or(1.0, Pressure::value))
+        sensitivity(segment, &oil, self.per.value(), self.rated)
     }
     fn check(&self) -> Result<(), String> {
-        super::positive("per", self.per.value(), &self.per)?;
-        self.rated.map_or(Ok(()), |r| super::positive("rated", r.value(), &r))
+        check(self.per.value(), self.per, self.rated)
     }
 }
 
@@ -129,7 +142,7 @@ impl Metric for SupplySensitivity {
         "supply_sensitivity"
     }
     fn unit(&self) -> &'static Unit {
-        if self.rated.is_some() { &units::RATIO } else { &units::PRESSURE }
+        unit(self.rated)
     }
     fn needs(&self) -> Needs {
         Needs::NOTHING
@@ -139,11 +152,10 @@ impl Metric for SupplySensitivity {
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let supply = Influence { values: segment.signals.supply_bar, name: "supply pressure", unit: "bar" };
-        Ok(change(segment, &supply, self.per.value())? / self.rated.map_or(1.0, Pressure::value))
+        sensitivity(segment, &supply, self.per.value(), self.rated)
     }
     fn check(&self) -> Result<(), String> {
-        super::positive("per", self.per.value(), &self.per)?;
-        self.rated.map_or(Ok(()), |r| super::positive("rated", r.value(), &r))
+        check(self.per.value(), self.per, self.rated)
     }
 }
 

@@ -6,8 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::bounds::LimitFile;
-use super::bounds::limit;
+use super::bounds::{LimitFile, limit};
 use super::error::Wrong;
 use super::serial::SerialForm;
 use super::{Plan, PlanError};

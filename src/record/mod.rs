@@ -42,6 +42,11 @@ impl Outcome {
             Self::Aborted => "ABORTED",
         }
     }
+
+    /// Whether the run has come to no verdict, so that its figures say nothing of the valve.
+    pub fn is_broken(self) -> bool {
+        matches!(self, Self::Invalid | Self::Error | Self::Aborted)
+    }
 }
 
 /// The record of one run.

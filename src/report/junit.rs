@@ -33,8 +33,7 @@ pub fn junit(record: &TestRecord) -> String {
         suite.add_test_case(case);
     }
     // What is said of the run as a whole; a missed limit is told by its own case.
-    let broken = matches!(record.outcome, Outcome::Invalid | Outcome::Error | Outcome::Aborted);
-    let whole = if broken { record.outcome } else { Outcome::Pass };
+    let whole = if record.outcome.is_broken() { record.outcome } else { Outcome::Pass };
     let mut run = TestCase::new("run", status(whole, &record.reasons.join("; "), true));
     run.set_classname(record.plan.name.as_str());
     suite.add_test_case(run);

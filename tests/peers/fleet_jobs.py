@@ -7,22 +7,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from valve import VALVE
 
 STEP_S, SECONDS = 0.01, 15.0
-VALVE = """schema = "hil.valve/1"
-name = "{name}"
-source = "made for a test"
-current_limits = ["0 A", "1 A"]
-hysteresis.hyperbolic.a = "0.8 bar^2"
-delay = "20 ms"
-lag = "10 ms"
-floor = "0 bar"
-noise = "20 mbar"
-
-[curve]
-ascending = [-42.65, 92.5, -8.4, -2.03]
-descending = [-40.01, 83.32, -1.3, -2.41]
-"""
 
 
 def main():

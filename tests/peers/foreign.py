@@ -12,22 +12,7 @@ from pathlib import Path
 import numpy as np
 from fmpy import simulate_fmu
 from fmu import STEP_S, called, drive
-
-# A valve that nobody has augmented.
-BASE = """schema = "hil.valve/1"
-name = "{name}"
-source = "made for a test"
-current_limits = ["0 A", "1 A"]
-hysteresis.hyperbolic.a = "0.8 bar^2"
-delay = "20 ms"
-lag = "10 ms"
-floor = "0 bar"
-noise = "20 mbar"
-
-[curve]
-ascending = [-42.65, 92.5, -8.4, -2.03]
-descending = [-40.01, 83.32, -1.3, -2.41]
-"""
+from valve import VALVE
 
 # Effects of both sides of a model, as they are concealed.
 CONCEALED = {
@@ -56,7 +41,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     os.environ["XDG_STATE_HOME"] = str(folder / "state")
     t, current = drive()
-    (folder / "plain.toml").write_text(BASE.format(name="plain"), encoding="utf-8")
+    (folder / "plain.toml").write_text(VALVE.format(name="plain"), encoding="utf-8")
     np.savetxt(folder / "drive.csv", np.column_stack([t, current]), delimiter=",", header="time_s,current_a", comments="", fmt=["%.2f", "%.6f"])
     wrong = []
     for number, (effect, parameters) in enumerate(CONCEALED.items()):
@@ -64,7 +49,7 @@ def main():
         base = folder / f"base-{version}.fmu"
         called(hil, "export", folder / "plain.toml", "-o", base, "--fmi", version, "--library", library, "--force")
         truth = folder / f"{effect}.toml"
-        truth.write_text(BASE.format(name=effect) + f"\n[[effect]]\n{effect} = {{ {parameters} }}\n", encoding="utf-8")
+        truth.write_text(VALVE.format(name=effect) + f"\n[[effect]]\n{effect} = {{ {parameters} }}\n", encoding="utf-8")
         called(hil, "simulate", folder / "drive.csv", "--model", truth, "-o", folder / "truth.csv", "--input", "held", "--force")
         record = np.genfromtxt(folder / "truth.csv", delimiter=",", names=True)
         measured = record["pressure_bar"] + NOISE_BAR * np.random.default_rng(number).standard_normal(len(t))

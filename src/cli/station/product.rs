@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::super::batch_args::RigArgs;
-use super::super::batch_args::{BatchArgs, Format};
+use super::super::batch_args::{BatchArgs, Format, RigArgs};
 use super::super::batch_bench::Setup;
 use super::super::batch_emulated::Emulated;
 use super::super::on_wire::WireArgs;
