@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         files.sort();
         for file in files {
             let place = file.strip_prefix(&root)?.iter().map(|p| p.to_string_lossy()).collect::<Vec<_>>().join("/");
-            writeln!(table, "    ({place:?}, include_str!({:?})),", file.display().to_string())?;
+            writeln!(table, "    ({place:?}, {:?}),", documented(&std::fs::read_to_string(&file)?))?;
         }
     }
     table.push_str("]\n");
@@ -42,6 +42,24 @@ fn shipped() -> Result<String, Box<dyn std::error::Error>> {
     }
     table.push_str("]\n");
     Ok(table)
+}
+
+/// What `hil explain` reads of a source: the comment at its head, each doc comment with the line that it stands before, and where a type
+/// begins and ends. The code itself would be a megabyte of the binary.
+fn documented(source: &str) -> String {
+    let (mut kept, mut documents) = (String::new(), false);
+    for line in source.lines().take_while(|l| !l.starts_with("#[cfg(test)]")) {
+        let text = line.trim_start();
+        let doc = text.starts_with("///") || text.starts_with("#[doc(alias");
+        let beside = text.starts_with("#[") || (text.starts_with("//") && !doc);
+        let bound = line == "}" || (text.starts_with("pub ") && text.ends_with('{'));
+        if doc || line.starts_with("//!") || (!beside && (documents || bound)) {
+            kept.push_str(line);
+            kept.push('\n');
+        }
+        documents = doc || (documents && beside);
+    }
+    kept
 }
 
 fn collect(path: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
