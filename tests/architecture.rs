@@ -284,3 +284,13 @@ fn a_panic_is_no_answer_to_bad_input() {
     }
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }
+
+/// A file of tests that no module names would be compiled by nobody and fail never.
+#[test]
+fn every_file_of_the_integration_tests_is_a_module_of_theirs() {
+    let main = std::fs::read_to_string(root().join("tests/it/main.rs")).unwrap();
+    let files = std::fs::read_dir(root().join("tests/it")).unwrap().map(|e| e.unwrap().path());
+    let names = files.filter(|f| f.extension().is_some_and(|e| e == "rs")).map(|f| f.file_stem().unwrap().to_string_lossy().into_owned());
+    let forgotten: Vec<String> = names.filter(|n| n != "main" && !main.contains(&format!("mod {n};\n"))).collect();
+    assert!(forgotten.is_empty(), "{forgotten:?}");
+}

@@ -127,6 +127,11 @@ impl Fake {
     pub fn coil_a(&self) -> f64 {
         self.inside.lock().unwrap().device.report().coil_a
     }
+
+    /// How often its watchdog took the current away.
+    pub fn trips(&self) -> u64 {
+        self.inside.lock().unwrap().device.report().trips
+    }
 }
 
 impl Drop for Fake {

@@ -70,7 +70,13 @@ fn man_pages_and_completions_are_there_for_every_command() {
         assert!(page.contains(&format!(".TH HIL-{} 1", command.to_uppercase())) && page.contains("SYNOPSIS"), "{command}");
     }
     hil(&["man"]);
-    for place in ["man/man1/hil.1", "man/man1/hil-run.1", "bash-completion/completions/hil", "zsh/site-functions/_hil", "fish/vendor_completions.d/hil.fish"] {
+    for place in [
+        "man/man1/hil.1",
+        "man/man1/hil-run.1",
+        "bash-completion/completions/hil",
+        "zsh/site-functions/_hil",
+        "fish/vendor_completions.d/hil.fish",
+    ] {
         assert!(read(&folder.path().join("share").join(place)).contains("hil"), "{place}");
     }
 }

@@ -11,7 +11,7 @@ use super::fake::Fake;
 use super::last_word::{Said, prepared, silent_after_then, told};
 use super::wire::driver;
 
-const COMMANDS: [&str; 5] = [
+pub const COMMANDS: [&str; 5] = [
     "run plan.toml --out out/run",
     "batch plan.toml --duts lot.csv --valve-reports all --out out/batch",
     "master plan.toml --station station.toml --serial GOOD",

@@ -116,32 +116,6 @@ fn sighup_ends_in_the_safe_state() {
 }
 
 #[test]
-fn every_signal_that_can_be_caught_ends_in_the_safe_state() {
-    let signals = [
-        Signal::QUIT,
-        Signal::ABORT,
-        Signal::USR1,
-        Signal::USR2,
-        Signal::ALARM,
-        Signal::VTALARM,
-        Signal::PROF,
-        Signal::XCPU,
-        Signal::XFSZ,
-        Signal::TSTP,
-        Signal::TTIN,
-        Signal::TTOU,
-        Signal::TRAP,
-        Signal::SYS,
-        Signal::IO,
-    ];
-    std::thread::scope(|scope| {
-        for some in signals.chunks(4) {
-            scope.spawn(move || some.iter().for_each(|signal| ended(20, &[*signal])));
-        }
-    });
-}
-
-#[test]
 fn a_killed_process_leaves_it_to_the_watchdog() {
     ended_at_every_phase(&[Signal::KILL]);
 }
