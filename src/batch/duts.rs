@@ -33,7 +33,7 @@ pub fn read_csv(path: &Path, form: impl Fn(&Dut) -> SerialForm) -> Result<Vec<Du
     for header in &headers {
         if !COLUMNS.contains(&header) {
             let meant = nearest(header, COLUMNS).map_or_else(String::new, |n| format!("; meant `{n}`?"));
-            return Err(wrong(format!("row 1: unknown column `{header}`{meant} Columns are: {}", COLUMNS.join(", "))));
+            return Err(wrong(format!("row 1: unknown column `{header}`{meant} (allowed: {})", COLUMNS.join(", "))));
         }
     }
     let column = |name: &str| headers.iter().position(|h| h == name);
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn a_wrong_list_is_refused_with_its_row() {
-        insta::assert_snapshot!(read("serial,lott\nV01,1\n").unwrap_err(), @"/duts.csv: row 1: unknown column `lott`; meant `lot`? Columns are: serial, part_number, revision, lot");
+        insta::assert_snapshot!(read("serial,lott\nV01,1\n").unwrap_err(), @"/duts.csv: row 1: unknown column `lott`; meant `lot`? (allowed: serial, part_number, revision, lot)");
         insta::assert_snapshot!(read("serial\nV01\nV02\nV01\n").unwrap_err(), @"/duts.csv: row 4: serial `V01` stands in row 2 already");
         insta::assert_snapshot!(read("serial,lot\nV01,a\n,b\n").unwrap_err(), @"/duts.csv: row 3: the serial number is blank");
         insta::assert_snapshot!(read("serial\nX1\n").unwrap_err(), @"/duts.csv: row 2: `X1` is not of the form `V##` (# digit, @ letter, ? either)");

@@ -188,6 +188,9 @@ impl Store {
 /// Reads the header of a batch without holding its folder.
 pub fn read_header(dir: &Path) -> Result<Header, BatchError> {
     let path = dir.join(HEADER);
+    if !path.exists() {
+        return Err(BatchError::Input(format!("{}: is not the folder of a batch, which holds a {HEADER}", dir.display())));
+    }
     let bytes = std::fs::read(&path).map_err(|e| BatchError::store(&path, e))?;
     serde_json::from_slice(&bytes).map_err(|e| BatchError::Input(format!("{}: is not the head of a batch: {e}", path.display())))
 }

@@ -65,7 +65,7 @@ pub fn prepare(args: &BatchArgs) -> Result<Ready, CliError> {
     }
     let (station, station_block) = station(args, &plan)?;
     let population = match &args.population {
-        Some(path) => Some(Population::load(&files::batch_file(path)?).map_err(failed)?),
+        Some(path) => Some(Population::load(&files::population(path)?).map_err(failed)?),
         None => args.count.map(|_| Population::standard()),
     };
     let form = |_: &Dut| limits.as_ref().map_or_else(SerialForm::default, |l| l.serial.clone());
@@ -123,7 +123,7 @@ pub fn station(args: &BatchArgs, plan: &Plan) -> Result<(Option<Station>, Option
     let Some(path) = &args.station else {
         return Ok((None, args.operator.as_ref().map(|operator| serde_json::json!({ "operator": operator }))));
     };
-    let station = Station::load(path).map_err(failed)?;
+    let station = Station::load(&files::station(path)?).map_err(failed)?;
     let mut overrides = Vec::new();
     let expired = station.expired(jiff::Zoned::now().date());
     match (&args.override_calibration, expired.is_empty()) {

@@ -45,15 +45,22 @@ pub fn run(args: &CheckArgs) -> CliResult {
             Ok(said) => super::print(&format!("ok     {}: {said}\n", path.display()))?,
             Err(error) => {
                 wrong += 1;
-                super::note(&format!("error: {error}"));
+                super::note(&format!("error: {}", super::error::plain(&error.message)));
             }
         }
     }
-    if wrong == 0 { Ok(exit::DONE) } else { Err(CliError::input(format!("{wrong} of {} files are wrong", files.len()))) }
+    if wrong == 0 {
+        return Ok(exit::DONE);
+    }
+    let verb = if wrong == 1 { "is" } else { "are" };
+    Err(CliError::input(format!("{wrong} of {} files {verb} wrong", files.len())))
 }
 
 /// Checks one file; what it is in a few words.
 fn check(path: &Path) -> Result<String, CliError> {
+    if let Some(message) = files::nothing_of(path) {
+        return Err(CliError::input(message));
+    }
     let text = document::read(path).map_err(CliError::input)?;
     match schema(&text).as_deref() {
         Some(crate::plan::SCHEMA) => plan(path),

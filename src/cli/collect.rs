@@ -58,6 +58,16 @@ pub fn run(args: &CollectArgs) -> CliResult {
     let failed = |e: FleetError| match e {
         FleetError::Store { .. } | FleetError::List(_) | FleetError::Table { .. } => CliError::input(e),
     };
+    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet")) {
+        return Err(CliError::usage(format!("{}: the table is a Parquet file, so its name ends with .parquet", args.output.display())));
+    }
+    if let Some(folder) = args.folders.iter().find(|folder| !folder.join("rows").is_dir()) {
+        let what = match folder.exists() {
+            true => "holds no rows: `hil diagnose --jobs LIST --out DIR` fills such a folder",
+            false => "there is no such folder",
+        };
+        return Err(CliError::input(format!("{}: {what}", folder.display())));
+    }
     // a table of a fleet is known by its findings, which are read here: no other file is replaced
     let (earlier, before) = if args.force.force { (Vec::new(), None) } else { table::earlier(&args.output).map_err(failed)? };
     let _claim = Outputs::new(args.force.force).file(args.report.as_ref(), Mark::Page).claim()?;

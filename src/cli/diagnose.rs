@@ -8,6 +8,7 @@ use super::diagnose_foreign::{self, Named};
 use super::identify::sha256;
 use super::outputs::{ATTACHED, PLAN, VALVE};
 use super::progress::Searching;
+use super::reading::distinct;
 use super::valves::{checked_valve, name_apart};
 use super::{CliError, CliResult, exit};
 use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story, tell_of_candidates};
@@ -29,6 +30,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     if args.recordings.is_empty() {
         return Err(usage());
     }
+    distinct(&args.recordings)?;
     if let Some(named) = diagnose_foreign::base(args)? {
         return foreign(args, named);
     }

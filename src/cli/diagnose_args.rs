@@ -11,12 +11,13 @@ use super::reading::ReadArgs;
 
 /// What to diagnose.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("base").args(["model", "simulated", "jobs"]).required(true)))]
 pub struct DiagnoseArgs {
     /// The recording: .csv, .parquet or .mf4; several of one valve share what they show
     #[arg(required_unless_present = "jobs", conflicts_with = "jobs", value_name = "RECORDING")]
     pub(super) recordings: Vec<PathBuf>,
     /// The valve model: a file, or the bare name of one in valves/; or a foreign model, an FMU for co-simulation
-    #[arg(long, value_name = "VALVE|FMU", required_unless_present_any = ["jobs", "simulated"], conflicts_with = "jobs")]
+    #[arg(long, value_name = "VALVE|FMU")]
     pub(super) model: Option<String>,
     /// A foreign base.
     #[command(flatten)]

@@ -58,7 +58,8 @@ fn simulated(args: &DiagnoseArgs, text: &str) -> Result<(Foreign, BaseFile), Cli
         map.retain(|m| m.role.name() != "pressure_bar");
         map.push(Mapping::parse(&format!("pressure_bar={text}")).map_err(CliError::usage)?);
         let reading = Reading { map, ..reading };
-        let read = |path: &PathBuf| Recording::read_as(path, &reading).map_err(|e| CliError::input(format!("--simulated {text}: {e}")));
+        let wrong = |e: RecordingError| CliError::input(format!("--simulated {text}: there is no such file, and as a column: {e}"));
+        let read = |path: &PathBuf| Recording::read_as(path, &reading).map_err(wrong);
         Recording::together(args.recordings.iter().map(read).collect::<Result<_, _>>()?)
     };
     let plant = Simulated::of(simulated).map_err(CliError::input)?;

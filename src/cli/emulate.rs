@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::on_wire::load_profile;
+use super::on_wire::{host_port, load_profile};
 use super::run::stop_on_signals;
 use super::{CliError, CliResult, exit, files};
 use crate::physics::Plant;
@@ -17,6 +17,7 @@ use crate::units::Frequency;
 
 /// Arguments of `hil emulate`.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("line").args(["pty", "tcp"]).required(true)))]
 pub struct EmulateArgs {
     /// Valve file, or the bare name of one in valves/.
     #[arg(long)]
@@ -25,10 +26,10 @@ pub struct EmulateArgs {
     #[arg(long, value_name = "PROFILE")]
     driver: String,
     /// Listen on a pseudo terminal; LINK becomes a symbolic link to it.
-    #[arg(long, value_name = "LINK", num_args = 0..=1, required_unless_present = "tcp", conflicts_with = "tcp")]
+    #[arg(long, value_name = "LINK", num_args = 0..=1)]
     pty: Option<Option<PathBuf>>,
     /// Listen on TCP; port 0 takes a free one.
-    #[arg(long, value_name = "HOST:PORT")]
+    #[arg(long, value_name = "HOST:PORT", value_parser = host_port)]
     tcp: Option<String>,
     /// A second device with the pressure of the same valve.
     #[arg(long, value_name = "PROFILE")]
@@ -37,7 +38,7 @@ pub struct EmulateArgs {
     #[arg(long, value_name = "LINK", num_args = 0..=1, requires = "pressure_driver", conflicts_with = "pressure_tcp")]
     pressure_pty: Option<Option<PathBuf>>,
     /// Its TCP address.
-    #[arg(long, value_name = "HOST:PORT", requires = "pressure_driver")]
+    #[arg(long, value_name = "HOST:PORT", requires = "pressure_driver", value_parser = host_port)]
     pressure_tcp: Option<String>,
     /// Fault script: what goes wrong, and when.
     #[arg(long, value_name = "SCRIPT")]

@@ -51,5 +51,40 @@ impl CliError {
     }
 }
 
+/// A message without the numbers of the operating system: "No such file or directory (os error 2)" says it in words before.
+pub fn plain(message: &str) -> String {
+    let mut pieces = message.split(" (os error ");
+    let mut out = pieces.next().unwrap_or_default().to_string();
+    for piece in pieces {
+        match piece.split_once(')') {
+            Some((number, rest)) if number.bytes().all(|b| b.is_ascii_digit()) => out += rest,
+            _ => out += &format!(" (os error {piece}"),
+        }
+    }
+    out
+}
+
+/// What is to be said of a number that clap could not read, without the words of the programming language.
+pub fn not_a_number(error: &clap::Error) -> Option<String> {
+    use clap::error::{ContextKind, ContextValue};
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.clone()),
+        _ => None,
+    };
+    let (argument, value) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
+    let source = std::error::Error::source(error)?.to_string();
+    let reason = match source.split_once(" is not in ").and_then(|(_, range)| range.split_once("..")) {
+        Some((low, high)) => match high.trim_start_matches('=') {
+            "" | "255" | "65535" | "4294967295" | "18446744073709551615" => format!("a whole number from {low} on is wanted"),
+            high => format!("a whole number from {low} to {high} is wanted"),
+        },
+        None if source.contains("digit") || source.contains("integer") || source.contains("number too") => {
+            "a whole number is wanted".into()
+        }
+        None => return None,
+    };
+    Some(format!("invalid value '{value}' for '{argument}': {reason}"))
+}
+
 /// What a subcommand ends with: an exit code, or an error that carries one.
 pub type CliResult = Result<u8, CliError>;

@@ -53,13 +53,15 @@ enum SideArg {
 /// Writes the file.
 pub fn run(args: &ExportArgs) -> CliResult {
     let ending = args.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if !matches!(ending.as_str(), "dfq" | "fmu" | "json") {
+        return Err(CliError::usage(format!("{}: the ending says what to write: .fmu, .json or .dfq", args.output.display())));
+    }
     let mark = if ending == "json" { VALVE } else { Mark::None };
     let _claim = Outputs::new(args.force.force).reads([&args.source]).file(Some(&args.output), mark).claim()?;
     match ending.as_str() {
         "dfq" => lot(args),
         "fmu" => fmu(args),
-        "json" => json(args),
-        _ => Err(CliError::usage(format!("{}: the ending says what to write: .fmu, .json or .dfq", args.output.display()))),
+        _ => json(args),
     }
 }
 

@@ -68,16 +68,38 @@ pub fn plan(typed: &Path, set: &[Override]) -> Result<Plan, CliError> {
     Plan::load(&find_plan(typed)?, set).map_err(CliError::input)
 }
 
-/// A file of a batch by path, or by the bare name of a shipped one.
-pub fn batch_file(typed: &Path) -> Result<PathBuf, CliError> {
+/// A file of a batch by path, or by the bare name of a shipped one; `what` and its schema key tell the kinds of them apart.
+fn batch_file(typed: &Path, what: &str, schema: &str) -> Result<PathBuf, CliError> {
     let Some(name) = typed.to_str().filter(|_| !typed.is_file()) else { return Ok(typed.into()) };
-    shipped::find(Kind::Batch, name, None).map_err(CliError::input)
+    shipped::find(Kind::Batch, name, None).map_err(|_| {
+        if typed.is_dir() {
+            return CliError::input(format!("{name}: is a directory; a {what} is wanted"));
+        }
+        let key = format!("schema = \"{schema}\"");
+        let folder = Kind::Batch.folder();
+        let of_kind =
+            |n: &&str| shipped::text(Path::new(&format!("{}{folder}/{n}.toml", shipped::PREFIX))).is_some_and(|t| t.contains(&key));
+        let known: Vec<&str> = Kind::Batch.names().filter(of_kind).collect();
+        let near = document::nearest(name, known.iter().copied()).map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+        let there = known.join(", ");
+        CliError::input(format!("no {what} `{name}`: no such file, and none that ships with the program{near}; there are: {there}"))
+    })
+}
+
+/// A population by path, or by the bare name of a shipped one.
+pub fn population(typed: &Path) -> Result<PathBuf, CliError> {
+    batch_file(typed, "population", crate::batch::population::SCHEMA)
+}
+
+/// A station by path, or by the bare name of a shipped one.
+pub fn station(typed: &Path) -> Result<PathBuf, CliError> {
+    batch_file(typed, "station", crate::batch::station::SCHEMA)
 }
 
 /// The limits file for a plan: the one that was typed, or the project's.
 pub fn limits(typed: Option<&Path>, plan: &str) -> Result<Option<PathBuf>, CliError> {
     if let Some(path) = typed {
-        return batch_file(path).map(Some);
+        return batch_file(path, "limits file", crate::plan::LIMITS_SCHEMA).map(Some);
     }
     let Some((root, project)) = project()? else { return Ok(None) };
     let Some(path) = project.limits.get(plan) else { return Ok(None) };
@@ -119,6 +141,14 @@ pub fn valve_under(plan: &Plan, typed: Option<&str>) -> Result<(Valve, PathBuf),
 pub fn any(typed: &Path) -> PathBuf {
     let name = typed.to_str().filter(|name| !typed.exists() && shipped::is_bare(name));
     name.and_then(|name| Kind::ALL.into_iter().find_map(|kind| shipped::find(kind, name, None).ok())).unwrap_or_else(|| typed.into())
+}
+
+/// What to say of a bare name that no file of any kind has, with the nearest that ships.
+pub fn nothing_of(typed: &Path) -> Option<String> {
+    let name = typed.to_str().filter(|name| !typed.exists() && shipped::is_bare(name))?;
+    let near = document::nearest(name, Kind::ALL.into_iter().flat_map(Kind::names));
+    let hint = near.map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+    Some(format!("{name}: no such file, and none that ships with the program{hint}"))
 }
 
 /// Every file of the project that has a schema: what `hil check` checks where it is given none.

@@ -16,7 +16,7 @@ use crate::units::Time;
 pub struct ForeignArgs {
     /// Instead of a model, the pressure that your own simulation gave for this very current: a column of the recording, or a
     /// file with time_s and pressure_bar
-    #[arg(long, value_name = "COLUMN|FILE", conflicts_with_all = ["model", "jobs", "without"])]
+    #[arg(long, value_name = "COLUMN|FILE", conflicts_with = "without")]
     pub simulated: Option<String>,
     /// Run the native code inside this FMU with your rights; remembered for this very file
     #[arg(long)]

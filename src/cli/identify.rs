@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::jobs::JobsArgs;
 use super::outputs::{Force, VALVE};
 use super::progress::Working;
-use super::reading::ReadArgs;
+use super::reading::{ReadArgs, distinct};
 use super::{CliError, CliResult, exit};
 use crate::course::{Course, Preparation};
 use crate::digest;
@@ -89,6 +89,7 @@ pub fn run(args: &IdentifyArgs) -> CliResult {
         let map = reading.map.clone();
         return super::jobs::run(&super::jobs::Identify { reading, options }, &map, &args.many);
     }
+    distinct(&args.recordings)?;
     let outputs = Outputs::new(args.force.force).reads(&args.recordings).reads(args.reading.files());
     let _claim = outputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page).claim()?;
     let preparation = Preparation { input: options.input, ..Preparation::default() };

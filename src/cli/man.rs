@@ -20,6 +20,9 @@ pub fn run(args: &ManArgs, mut program: Command) -> CliResult {
     let pages = pages(program.clone())?;
     match &args.dir {
         Some(dir) => {
+            if dir.symlink_metadata().is_ok() && !dir.is_dir() {
+                return Err(CliError::usage(format!("{}: is a file, and a folder is wanted", dir.display())));
+            }
             for (name, page) in &pages {
                 write(&dir.join(name), page)?;
             }

@@ -9,18 +9,19 @@ use crate::units::{FREQUENCY, INTEGRAL_GAIN, PRESSURE_PER_CURRENT, PROPORTIONAL_
 
 /// Arguments of `hil margins`.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("plant").args(["model", "gain"]).required(true)))]
 pub struct MarginsArgs {
     /// Valve model: its steepest slope, its lag and its delay make the loop.
-    #[arg(long, value_name = "VALVE", conflicts_with_all = ["gain", "lag", "delay"])]
+    #[arg(long, value_name = "VALVE", conflicts_with_all = ["lag", "delay"])]
     model: Option<String>,
     /// Plant gain; a plain number is in bar/mA.
-    #[arg(long, value_name = "K", value_parser = gain, required_unless_present = "model", allow_hyphen_values = true)]
+    #[arg(long, value_name = "K", value_parser = gain, requires_all = ["lag", "delay"], allow_hyphen_values = true)]
     gain: Option<f64>,
     /// Plant lag; a plain number is in s.
-    #[arg(long, value_name = "S", value_parser = time, required_unless_present = "model", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = time, requires = "gain", allow_hyphen_values = true)]
     lag: Option<f64>,
     /// Plant delay; a plain number is in s.
-    #[arg(long, value_name = "S", value_parser = time, required_unless_present = "model", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = time, requires = "gain", allow_hyphen_values = true)]
     delay: Option<f64>,
     /// Range of the delay, for instance "10 ms..40 ms"; the model's by default.
     #[arg(long, value_name = "LOW..HIGH", value_parser = time_range)]

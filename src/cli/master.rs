@@ -39,7 +39,7 @@ pub struct MasterArgs {
 /// Runs the command: 0 where the master got the verdict it should get, 1 where not.
 pub fn run(args: &MasterArgs) -> CliResult {
     let plan = files::plan(&args.plan, &args.set)?;
-    let station = Station::load(&args.station).map_err(failed)?;
+    let station = Station::load(&files::station(&args.station)?).map_err(failed)?;
     let known = |s: &Station| s.master.as_ref().is_some_and(|m| m.valves.iter().any(|v| v.serial == args.serial));
     if !known(&station) {
         return Err(CliError::input(format!("{}: names no master valve `{}` under [master]", args.station.display(), args.serial)));

@@ -243,7 +243,10 @@ pub fn main() -> u8 {
         Ok(cli) => cli,
         Err(error) => {
             let code = if error.use_stderr() { exit::USAGE } else { exit::DONE };
-            let _ = error.print();
+            match error::not_a_number(&error) {
+                Some(text) => note(&format!("error: {text}\n\nFor more information, try '--help'.")),
+                None => drop(error.print()),
+            }
             return code;
         }
     };
@@ -286,7 +289,7 @@ pub fn main() -> u8 {
     };
     manners::detail(|| format!("took {:.2} s", started.elapsed().as_secs_f64()));
     result.unwrap_or_else(|error| {
-        let _ = writeln!(anstream::stderr(), "error: {error}");
+        let _ = writeln!(anstream::stderr(), "error: {}", error::plain(&error.message));
         error.code
     })
 }

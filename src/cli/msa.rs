@@ -109,7 +109,8 @@ struct Readings {
 pub fn run(args: &MsaArgs) -> CliResult {
     let names = [("readings.csv", Mark::None), ("msa.json", Mark::Schema("hil.msa/1"))];
     let _claim = Outputs::new(args.force.force).reads([&args.source]).folder(args.out.as_ref(), &names).claim()?;
-    let is_plan = args.source.extension().is_some_and(|e| e == "toml");
+    // A name without an ending is that of a plan, unless a file of readings has it.
+    let is_plan = args.source.extension().map_or_else(|| !args.source.is_file(), |e| e == "toml");
     let taken = if is_plan { take(args)? } else { read(args)? };
     let study = gauge_study(&taken.study, taken.tolerance).map_err(CliError::input)?;
     let capability = measuring_capability(&study, &instrument(args, &taken.unit)?, taken.tolerance);
@@ -179,7 +180,7 @@ fn take(args: &MsaArgs) -> Result<Readings, CliError> {
     };
     let plan = files::plan(&args.source, &args.set)?;
     let population = match &args.population {
-        Some(path) => Population::load(&files::batch_file(path)?).map_err(failed)?,
+        Some(path) => Population::load(&files::population(path)?).map_err(failed)?,
         None => Population::standard(),
     };
     let setup = Setup::new(&args.rig, plan, Some(population), args.seed, None)?;

@@ -32,7 +32,7 @@ pub struct WireArgs {
     #[arg(long, value_name = "DEV", requires = "driver", conflicts_with = "tcp")]
     pub port: Option<PathBuf>,
     /// Host and port of the driver.
-    #[arg(long, value_name = "HOST:PORT", requires = "driver")]
+    #[arg(long, value_name = "HOST:PORT", requires = "driver", value_parser = host_port)]
     pub tcp: Option<String>,
     /// Profile of a second device that measures the pressure.
     #[arg(long, value_name = "PROFILE", requires = "driver")]
@@ -41,7 +41,7 @@ pub struct WireArgs {
     #[arg(long, value_name = "DEV", requires = "pressure_driver", conflicts_with = "pressure_tcp")]
     pub pressure_port: Option<PathBuf>,
     /// Host and port of the pressure source.
-    #[arg(long, value_name = "HOST:PORT", requires = "pressure_driver")]
+    #[arg(long, value_name = "HOST:PORT", requires = "pressure_driver", value_parser = host_port)]
     pub pressure_tcp: Option<String>,
     /// Largest current of this station; the smaller of this and the profile's holds.
     #[arg(long, value_name = "CURRENT", requires = "driver")]
@@ -75,8 +75,17 @@ pub fn endpoint(port: &Option<PathBuf>, tcp: &Option<String>, what: &str) -> Res
     match (port, tcp) {
         (Some(port), _) => Ok(Endpoint::Serial(port.clone())),
         (None, Some(address)) => Ok(Endpoint::Tcp(address.clone())),
-        (None, None) => Err(CliError::usage(format!("{what}: where is it? Give its serial port or its HOST:PORT"))),
+        (None, None) => {
+            let line = what.trim_end_matches("driver");
+            Err(CliError::usage(format!("{what}: where is it? Give its serial port, {line}port DEV, or its address, {line}tcp HOST:PORT")))
+        }
     }
+}
+
+/// Host and port, as they are typed.
+pub fn host_port(text: &str) -> Result<String, String> {
+    let port = text.rsplit_once(':').filter(|(host, _)| !host.is_empty()).and_then(|(_, port)| port.parse::<u16>().ok());
+    port.map(|_| text.to_string()).ok_or_else(|| "HOST:PORT is wanted, for instance 192.168.0.10:502".into())
 }
 
 /// A profile by path or bare name.

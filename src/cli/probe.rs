@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::last_word;
-use super::on_wire::{endpoint, load_profile};
+use super::on_wire::{endpoint, host_port, load_profile};
 use super::run::stop_on_signals;
 use super::{CliError, CliResult, exit};
 use crate::rig::RigError;
@@ -14,15 +14,16 @@ use crate::rig::wire::probe;
 
 /// Arguments of `hil probe`.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("line").args(["port", "tcp"]).required(true)))]
 pub struct ProbeArgs {
     /// Driver profile: a path, or the bare name of a file in drivers/.
     #[arg(long, value_name = "PROFILE")]
     driver: String,
     /// Serial port.
-    #[arg(long, value_name = "DEV", required_unless_present = "tcp", conflicts_with = "tcp")]
+    #[arg(long, value_name = "DEV")]
     port: Option<PathBuf>,
     /// Host and port.
-    #[arg(long, value_name = "HOST:PORT")]
+    #[arg(long, value_name = "HOST:PORT", value_parser = host_port)]
     tcp: Option<String>,
 }
 

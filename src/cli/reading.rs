@@ -45,6 +45,19 @@ fn time(text: &str) -> Result<f64, String> {
     TIME.parse(&with_unit).map_err(|e| e.to_string())
 }
 
+/// Refuses a recording that is named twice: what it shows would count twice.
+pub fn distinct(recordings: &[PathBuf]) -> Result<(), CliError> {
+    let mut seen = Vec::new();
+    for path in recordings {
+        let place = path.canonicalize().unwrap_or_else(|_| path.clone());
+        if seen.contains(&place) {
+            return Err(CliError::usage(format!("{}: is named twice, and would count twice", path.display())));
+        }
+        seen.push(place);
+    }
+    Ok(())
+}
+
 impl ReadArgs {
     /// What was typed, and what the mapping file says beside it.
     pub fn reading(&self) -> Result<Reading, CliError> {

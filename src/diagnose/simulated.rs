@@ -13,7 +13,6 @@ const SAME: f64 = 0.02;
 #[derive(Debug)]
 pub struct Simulated {
     runs: Vec<Series>,
-    source: String,
 }
 
 #[derive(Debug)]
@@ -42,14 +41,14 @@ impl Simulated {
             })
             .filter(|series| series.time_s.len() > 1)
             .collect();
-        if runs.is_empty() { Err(format!("{source}: holds no simulated pressure")) } else { Ok(Self { runs, source }) }
+        if runs.is_empty() { Err(format!("{source}: holds no simulated pressure")) } else { Ok(Self { runs }) }
     }
 
     fn series(&self, run: &Run) -> Result<&Series, String> {
         let named = self.runs.iter().find(|s| s.name.is_some() && s.name == run.name);
         named.or_else(|| self.runs.get(run.origin.run)).ok_or_else(|| {
             let name = run.name.clone().unwrap_or_else(|| format!("number {}", run.origin.run + 1));
-            format!("{}: holds no simulated pressure of run {name}", self.source)
+            format!("holds no simulated pressure of run {name}")
         })
     }
 }
@@ -69,7 +68,7 @@ impl Plant for Simulated {
         let (first, last) = (series.time_s[0], series.time_s[series.time_s.len() - 1]);
         let (begin, end) = (run.time_s(0), run.time_s(run.len().saturating_sub(1)));
         if first > begin + BEYOND * run.dt_s || last < end - BEYOND * run.dt_s {
-            return Err(format!("{}: was simulated from {first} s to {last} s, the recording goes from {begin} s to {end} s", self.source));
+            return Err(format!("was simulated from {first:.3} s to {last:.3} s, the recording goes from {begin:.3} s to {end:.3} s"));
         }
         let at = |values: &[f64]| (0..run.len()).map(|k| series.at(values, run.time_s(k))).collect::<Vec<f64>>();
         if series.current_a.len() == series.time_s.len() {
@@ -78,7 +77,7 @@ impl Plant for Simulated {
             let both = || theirs.iter().zip(&run.current_a).filter(|(a, _)| a.is_finite());
             let apart = (both().map(|(a, b)| (a - b).powi(2)).sum::<f64>() / both().count().max(1) as f64).sqrt();
             if apart > SAME * (high - low) {
-                return Err(format!("{}: was simulated for another current, {apart:.3} A RMS apart from the recorded one", self.source));
+                return Err(format!("was simulated for another current, {apart:.3} A RMS apart from the recorded one"));
             }
         }
         Ok(at(&series.pressure_bar))

@@ -31,7 +31,7 @@ pub enum RecordError {
         problem: String,
     },
     /// A folder without any record.
-    #[error("{}: no {RECORD_FILE} in this folder or below; a run writes one", path.display())]
+    #[error("{}: no {RECORD_FILE} in this folder; a run writes one", path.display())]
     NoRecord {
         /// Where.
         path: PathBuf,
@@ -41,6 +41,9 @@ pub enum RecordError {
 impl TestRecord {
     /// Reads a record from its file, or from the run's folder that holds it.
     pub fn load(path: &Path) -> Result<Self, RecordError> {
+        if path.is_dir() && !path.join(RECORD_FILE).exists() {
+            return Err(RecordError::NoRecord { path: path.into() });
+        }
         let path = if path.is_dir() { path.join(RECORD_FILE) } else { path.to_path_buf() };
         let io = |source| RecordError::Io { path: path.clone(), source };
         let wrong = |problem: String| RecordError::NotARecord { path: path.clone(), problem };
@@ -49,8 +52,16 @@ impl TestRecord {
             return Err(wrong(format!("has {bytes} bytes; at most {MAX_BYTES} are read")));
         }
         let text = std::fs::read(&path).map_err(io)?;
-        let record: Self = serde_json::from_slice(&text).map_err(|e| wrong(e.to_string()))?;
+        let record: Self = serde_json::from_slice(&text).map_err(|e| wrong(in_words(&e)))?;
         if record.schema == SCHEMA { Ok(record) } else { Err(wrong(format!("its schema is `{}`", record.schema))) }
+    }
+}
+
+/// What the parser says of a file; of one that is no JSON from its first line on, that alone.
+fn in_words(error: &serde_json::Error) -> String {
+    match error.classify() {
+        serde_json::error::Category::Syntax if error.line() <= 1 => "it is no JSON".into(),
+        _ => error.to_string(),
     }
 }
 

@@ -39,6 +39,9 @@ type File = (&'static str, Vec<u8>);
 /// Writes the files, none over another, and says what to do next.
 pub fn run(args: &InitArgs) -> CliResult {
     let files = files(args.example)?;
+    if args.dir.symlink_metadata().is_ok() && !args.dir.is_dir() {
+        return Err(CliError::usage(format!("{}: is a file, and a folder is wanted; name one that is empty or new", args.dir.display())));
+    }
     let there: Vec<&str> = files.iter().map(|f| f.0).filter(|f| args.dir.join(f).symlink_metadata().is_ok()).collect();
     if !there.is_empty() {
         return Err(CliError::usage(format!(

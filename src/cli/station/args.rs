@@ -10,7 +10,7 @@ pub struct StationArgs {
     /// Station file, or the bare name of one that ships with the program (`emulated`).
     pub station: PathBuf,
     /// Where the page is served; port 0 takes a free one.
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080", value_parser = super::super::on_wire::host_port)]
     pub listen: String,
     /// Folder for the records; by default the `store` of the station file.
     #[arg(long, value_name = "DIR")]

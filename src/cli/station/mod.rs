@@ -25,7 +25,7 @@ use crate::station::{self as page, Access, StationError, Token};
 
 /// Serves until a signal ends it. What runs then is stopped, made safe and stored.
 pub fn run(args: &StationArgs) -> CliResult {
-    let path = files::batch_file(&args.station)?;
+    let path = files::station(&args.station)?;
     let station = Station::load(&path).map_err(failed)?;
     let operator = match &args.token_file {
         Some(file) => token_in(file)?,

@@ -195,10 +195,8 @@ impl Faults {
 
     /// Reads a script from its text.
     pub fn from_toml(text: &str, source_name: &str) -> Result<Self, String> {
+        crate::document::expect_schema(text, source_name, "hil.faults/1", "a fault script").map_err(|e| e.to_string())?;
         let script: FaultScript = crate::document::parse(text, source_name).map_err(|e| e.to_string())?;
-        if script.schema != "hil.faults/1" {
-            return Err(format!("{source_name}: `schema`: `{}` is not a fault script; write \"hil.faults/1\"", script.schema));
-        }
         for (index, f) in script.fault.iter().enumerate() {
             let places = [f.request.is_some(), f.cycle.is_some(), f.after.is_some()].iter().filter(|x| **x).count();
             if places != 1 {
