@@ -200,9 +200,7 @@ pub trait Metric {
     /// The figure in the canonical unit.
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable>;
     /// Whether the parameters make sense; the message says what is allowed.
-    fn check(&self) -> Result<(), String> {
-        Ok(())
-    }
+    fn check(&self) -> Result<(), String>;
 }
 
 /// The enum of all metrics, with the way from each name to its metric.

@@ -37,6 +37,9 @@ impl Metric for FeedForwardShare {
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         sums(segment).map(|(forward, back)| forward / (forward + back))
     }
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
 }
 
 impl Metric for FeedbackShare {
@@ -54,6 +57,9 @@ impl Metric for FeedbackShare {
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         sums(segment).map(|(forward, back)| back / (forward + back))
+    }
+    fn check(&self) -> Result<(), String> {
+        Ok(())
     }
 }
 

@@ -142,6 +142,9 @@ impl Metric for RiseTime {
             _ => Err(NotMeasurable::NotSettled),
         })
     }
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
 }
 
 impl Metric for FallTime {
@@ -164,6 +167,9 @@ impl Metric for FallTime {
             _ => Err(NotMeasurable::NotSettled),
         })
     }
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
 }
 
 impl Metric for DeadTime {
@@ -184,6 +190,9 @@ impl Metric for DeadTime {
             (Some(first), Some(second)) => Ok((first - 0.5 * (second - first)).max(0.0)),
             _ => Err(NotMeasurable::NotSettled),
         })
+    }
+    fn check(&self) -> Result<(), String> {
+        Ok(())
     }
 }
 
@@ -233,6 +242,9 @@ impl Metric for Overshoot {
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         worst(segment, |r| Ok(r.points.iter().map(|p| p.1 - 1.0).fold(0.0, f64::max)))
+    }
+    fn check(&self) -> Result<(), String> {
+        Ok(())
     }
 }
 

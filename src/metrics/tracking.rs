@@ -46,6 +46,14 @@ fn delay_s(given: Option<Time>, segment: &Segment<'_>) -> f64 {
     given.map_or(segment.delay_s, Time::value)
 }
 
+/// A reference that is judged before it was set would be another figure.
+fn check_delay(given: Option<Time>) -> Result<(), String> {
+    match given {
+        Some(delay) if delay.value() < 0.0 => Err(format!("`delay` is {delay}; it must not be negative")),
+        _ => Ok(()),
+    }
+}
+
 impl Metric for Rmse {
     fn id(&self) -> &'static str {
         "rmse"
@@ -62,6 +70,9 @@ impl Metric for Rmse {
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let errors = segment.errors(delay_s(self.delay, segment))?;
         Ok(rms(errors.into_iter().map(|e| e.1)))
+    }
+    fn check(&self) -> Result<(), String> {
+        check_delay(self.delay)
     }
 }
 
@@ -88,6 +99,7 @@ impl Metric for RmseBand {
         Ok(rms(inside.into_iter()))
     }
     fn check(&self) -> Result<(), String> {
+        check_delay(self.delay)?;
         if self.from < self.to { Ok(()) } else { Err(format!("`from` ({}) must lie below `to` ({})", self.from, self.to)) }
     }
 }
@@ -109,6 +121,9 @@ impl Metric for MaxError {
         let errors = segment.errors(delay_s(self.delay, segment))?;
         Ok(errors.into_iter().map(|e| e.1.abs()).fold(0.0, f64::max))
     }
+    fn check(&self) -> Result<(), String> {
+        check_delay(self.delay)
+    }
 }
 
 #[cfg(test)]
@@ -124,6 +139,18 @@ mod tests {
         assert!(Rmse::default().compute(&segment).unwrap() < 1e-12);
         assert!(Rmse { delay: Some(Time::new(0.0)) }.compute(&segment).unwrap() > 0.03);
         assert_eq!(Rmse::default().definition(&segment), "rmse.delayed.v1(delay=20 ms)");
+    }
+
+    #[test]
+    fn a_reference_is_not_judged_before_it_was_set() {
+        for delay in [None, Some(Time::new(0.0)), Some(Time::new(0.03))] {
+            assert_eq!(Rmse { delay }.check(), Ok(()));
+        }
+        let early = Some(Time::new(-0.01));
+        let band = RmseBand { from: Pressure::new(1.0), to: Pressure::new(2.0), delay: early };
+        for refused in [Rmse { delay: early }.check(), MaxError { delay: early }.check(), band.check()] {
+            assert_eq!(refused, Err("`delay` is -0.01 s; it must not be negative".into()));
+        }
     }
 
     #[test]
