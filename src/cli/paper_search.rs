@@ -2,15 +2,17 @@
 //!
 //! Causes that both clutches share (they are on one bench, with one oil): more noise and ripple than the model has, dead time and
 //! lag of the messages and the driver. Causes that each has of its own: gain and zero of its curve. Every set of at most so many parameters is
-//! fitted to the six figures by Gauss and Newton's steps with Levenberg's damping, from several starts; the triangles of Fig. 5
+//! fitted to the six figures by least squares, from several starts; the triangles of Fig. 5
 //! and the ramps of Fig. 7, which the fit does not see, judge it.
 
 use std::path::Path;
 
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::CliError;
 use super::valves::believed;
+use crate::least_squares::{Equations, Landscape, Pace, descend};
 use crate::plan::Plan;
 use crate::record::{Dut, TestRecord};
 use crate::rig::RigIdentity;
@@ -117,6 +119,11 @@ impl Fit {
 /// so that both leave the middle of the range where it is.
 const STARTS: [f64; 4] = [1.0, -1.0, 3.0, -3.0];
 
+/// How the fit to the six figures goes down.
+const PACE: Pace = Pace { steps: 15, damping: 1e-2, least: 1e-6, raised: 8.0, tries: 7 };
+/// A step that lowers the sum of squares by less ends it [bar^2]: a tenth of a millibar in each figure is printed by none.
+const LEAST_GAIN: f64 = 1e-7;
+
 /// The valve as the measured current drives it, which is what the paper gives its model in Figs. 5 to 7: without what stands
 /// between the command and that current.
 pub fn behind_the_driver(valve: &Valve) -> Valve {
@@ -208,75 +215,26 @@ impl Search {
     /// The best values for a set of causes.
     pub fn fit(&self, causes: &[Cause]) -> Option<Fit> {
         let each: Vec<Cause> = causes.iter().flat_map(|c| std::iter::repeat_n(*c, c.parameters())).collect();
-        let mut best: Option<(f64, Vec<f64>, Vec<f64>)> = None;
+        let mut best: Option<Values> = None;
         for size in STARTS {
             // What both share begins a little further out with what each has of its own.
             let begin = |c: &Cause| {
                 let of = c.start().0 * if matches!(c, Cause::Gains | Cause::Offset | Cause::Offsets) { size } else { size.abs().sqrt() };
                 of.clamp(c.range().0, c.range().1)
             };
-            let mut values: Vec<f64> = each.iter().map(begin).collect();
-            let mut residuals = self.residuals(causes, &values)?;
-            let mut damping = 1e-2;
-            for _ in 0..15 {
-                let Some(step) = self.step(causes, &each, &values, &residuals, damping) else { break };
-                let trial: Vec<f64> =
-                    values.iter().zip(&step).zip(&each).map(|((v, s), c)| (v + s).clamp(c.range().0, c.range().1)).collect();
-                let found = self.residuals(causes, &trial)?;
-                if squares(&found) < squares(&residuals) {
-                    let gained = squares(&residuals) - squares(&found);
-                    (values, residuals) = (trial, found);
-                    damping = (damping * 0.2f64).max(1e-6);
-                    if gained < 1e-7 {
-                        break;
-                    }
-                } else {
-                    damping *= 8.0;
-                    if damping > 1e4 {
-                        break;
-                    }
-                }
-            }
-            if best.as_ref().is_none_or(|b| squares(&residuals) < b.0) {
-                best = Some((squares(&residuals), values, residuals));
+            let values: Vec<f64> = each.iter().map(begin).collect();
+            let start = Values { residuals: self.residuals(causes, &values)?, values };
+            let found = descend(&mut Figures { search: self, causes, each: &each }, start, &PACE).at;
+            if best.as_ref().is_none_or(|b| squares(&found.residuals) < squares(&b.residuals)) {
+                best = Some(found);
             }
         }
-        let (_, values, residuals) = best?;
+        let Values { values, residuals } = best?;
         let figures = [0, 1].map(|c| [0, 1, 2].map(|k| TABLE_1[c][k] + residuals[3 * c + k]));
         let worst_bar = residuals.iter().fold(0.0f64, |w, r| w.max(r.abs()));
         let unseen = [0, 1].map(|which| self.unseen(&behind_the_driver(&clutch(&self.valve, causes, &values, which))));
         let [Some(first), Some(second)] = unseen else { return None };
         Some(Fit { causes: causes.to_vec(), values, figures, worst_bar, unseen: [first, second] })
-    }
-
-    fn step(&self, causes: &[Cause], each: &[Cause], values: &[f64], residuals: &[f64], damping: f64) -> Option<Vec<f64>> {
-        let columns: Vec<Vec<f64>> = each
-            .par_iter()
-            .enumerate()
-            .map(|(k, cause)| {
-                let mut moved = values.to_vec();
-                let step = cause.start().1 * if values[k] + cause.start().1 > cause.range().1 { -1.0 } else { 1.0 };
-                moved[k] += step;
-                let found = self.residuals(causes, &moved)?;
-                Some(found.iter().zip(residuals).map(|(a, b)| (a - b) / step * cause.start().1).collect())
-            })
-            .collect::<Option<_>>()?;
-        let n = each.len();
-        let mut normal = nalgebra::DMatrix::<f64>::zeros(n, n);
-        let mut right = nalgebra::DVector::<f64>::zeros(n);
-        for i in 0..n {
-            for j in 0..n {
-                normal[(i, j)] = columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum();
-            }
-            right[i] = -columns[i].iter().zip(residuals).map(|(a, b)| a * b).sum::<f64>();
-        }
-        for i in 0..n {
-            normal[(i, i)] *= 1.0 + damping;
-            normal[(i, i)] += 1e-12;
-        }
-        let found = normal.lu().solve(&right)?;
-        // At most five steps of a parameter at once.
-        Some(found.iter().zip(each).map(|(s, c)| s.clamp(-5.0, 5.0) * c.start().1).collect())
     }
 
     /// Every set of causes with at most `most` parameters that tells the clutches apart, the best first.
@@ -294,6 +252,69 @@ impl Search {
     }
 }
 
+/// Values of a set of causes, and what the six figures miss with them [bar]; nothing where they could not be had.
+struct Values {
+    values: Vec<f64>,
+    residuals: Vec<f64>,
+}
+
+/// The six figures over the values of one set of causes, each value counted in steps of its cause.
+struct Figures<'s> {
+    search: &'s Search,
+    causes: &'s [Cause],
+    /// The cause of each value.
+    each: &'s [Cause],
+}
+
+impl Landscape for Figures<'_> {
+    type Point = Values;
+    type Slopes = Option<DMatrix<f64>>;
+
+    fn slopes(&mut self, at: &Values) -> Option<DMatrix<f64>> {
+        let columns: Option<Vec<DVector<f64>>> = (0..self.each.len())
+            .into_par_iter()
+            .map(|k| {
+                let mut moved = at.values.clone();
+                let step = self.each[k].start().1;
+                let sign = if moved[k] + step > self.each[k].range().1 { -1.0 } else { 1.0 };
+                moved[k] += sign * step;
+                let found = self.search.residuals(self.causes, &moved)?;
+                Some(DVector::from_iterator(found.len(), found.iter().zip(&at.residuals).map(|(a, b)| sign * (a - b))))
+            })
+            .collect();
+        Some(DMatrix::from_columns(&columns?))
+    }
+
+    fn equations(&self, slopes: &Option<DMatrix<f64>>, at: &Values) -> Option<Equations> {
+        let slopes = slopes.as_ref()?;
+        Some(Equations { normal: slopes.tr_mul(slopes), gradient: slopes.tr_mul(&DVector::from_row_slice(&at.residuals)) })
+    }
+
+    /// At most five steps of a parameter at once.
+    fn moved(&mut self, at: &Values, step: &DVector<f64>) -> Values {
+        let value = |((v, s), c): ((&f64, &f64), &Cause)| (v - s.clamp(-5.0, 5.0) * c.start().1).clamp(c.range().0, c.range().1);
+        let values: Vec<f64> = at.values.iter().zip(step).zip(self.each).map(value).collect();
+        Values { residuals: self.search.residuals(self.causes, &values).unwrap_or_default(), values }
+    }
+
+    fn objective(&self, at: &Values) -> f64 {
+        squares(&at.residuals)
+    }
+
+    fn is_worth_more(&self, _: f64, gain: f64) -> bool {
+        gain >= LEAST_GAIN
+    }
+
+    fn is_blocked(&self, at: &Values, k: usize, step: f64) -> bool {
+        let (low, high) = self.each[k].range();
+        (at.values[k] <= low && step > 0.0) || (at.values[k] >= high && step < 0.0)
+    }
+}
+
+/// Sum of the squares [bar^2]; infinite where there are none.
 fn squares(residuals: &[f64]) -> f64 {
+    if residuals.is_empty() {
+        return f64::INFINITY;
+    }
     residuals.iter().map(|r| r * r).sum()
 }
