@@ -58,10 +58,21 @@ type Stretch = Vec<(f64, f64)>;
 impl Noise {
     /// The noise of all readings of the runs.
     pub fn of(runs: &[Run]) -> Self {
-        let mut stretches = stretches(runs);
+        let dt_s = runs.iter().map(|run| run.dt_s).fold(f64::INFINITY, f64::min);
+        Self::of_stretches(stretches(runs), dt_s)
+    }
+
+    /// Standard deviation of the readings of any sensor about what it measures, by the same estimate, in their unit; they follow each
+    /// other at even distances, and those that are absent are not numbers.
+    pub fn deviation(readings: &[f64]) -> f64 {
+        let place = |(k, value): (usize, &f64)| (k as f64, *value);
+        Self::of_stretches(vec![readings.iter().enumerate().filter(|(_, v)| v.is_finite()).map(place).collect()], 1.0).bar
+    }
+
+    fn of_stretches(mut stretches: Vec<Stretch>, dt_s: f64) -> Self {
         let step_bar = step(&stretches);
         let renewed_every = renewal(&mut stretches, step_bar);
-        let dt_s = runs.iter().map(|run| run.dt_s).fold(f64::INFINITY, f64::min) * renewed_every as f64;
+        let dt_s = dt_s * renewed_every as f64;
         above_the_floor(&mut stretches);
         let plain = |bar: f64| Self { bar, white_bar: bar, memory_s: 0.0, step_bar, renewed_every };
         if let Some(q) = step_bar {

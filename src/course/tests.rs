@@ -61,6 +61,15 @@ fn the_noise_is_found_whatever_the_sensor_does_to_it() {
 }
 
 #[test]
+fn the_readings_of_any_sensor_are_judged_as_those_of_the_pressure_are() {
+    let mut readings = noisy(20_000, 0.005, 0.0, 0.1, 1);
+    assert!((Noise::deviation(&readings) / noise_of(readings.clone()).bar - 1.0).abs() < 1e-9);
+    readings.iter_mut().step_by(3).for_each(|r| *r = f64::NAN);
+    assert!((Noise::deviation(&readings) / noise_of(readings).bar - 1.0).abs() < 1e-9);
+    assert_eq!(Noise::deviation(&[]), 0.0);
+}
+
+#[test]
 fn a_ripple_and_a_moving_course_are_no_noise() {
     let ripple: Vec<f64> = noisy(20_000, 0.02, 0.0, 0.0, 1)
         .iter()

@@ -11,7 +11,7 @@ use super::fit::{Fit, Fitter};
 use super::model::Model;
 use super::search::recalibrated;
 use super::start;
-use crate::course::{Course, Input, Preparation};
+use crate::course::{Course, Input, Noise, Preparation};
 use crate::recording::Recording;
 
 /// Share of the samples at which the current has to be measured.
@@ -99,7 +99,7 @@ fn by_measured(recording: &Recording) -> Option<Recording> {
     let (mut all, mut known, mut apart_a) = (0usize, 0usize, 0.0f64);
     for run in &mut driven.runs {
         let mut measured = run.current_meas_a.take()?;
-        let reach_a = PLAY * noise_a(&measured);
+        let reach_a = PLAY * Noise::deviation(&measured);
         follow(&mut measured, reach_a);
         for (command, current) in run.current_a.iter_mut().zip(measured).filter(|(command, _)| command.is_finite()) {
             all += 1;
@@ -113,23 +113,33 @@ fn by_measured(recording: &Recording) -> Option<Recording> {
     (known as f64 >= MEASURED * all as f64 && apart_a > SAME_A).then_some(driven)
 }
 
-/// Standard deviation of white noise on a smooth signal, by the median of its second differences.
-fn noise_a(signal_a: &[f64]) -> f64 {
-    let bends = signal_a.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).filter(|b| b.is_finite());
-    let mut bends: Vec<f64> = bends.collect();
-    let middle = bends.len() / 2;
-    if bends.is_empty() {
-        return 0.0;
-    }
-    // A normal distribution's median is 0.6745 of its deviation, which three samples raise by the root of 1 + 4 + 1.
-    *bends.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.6745 * 6.0f64.sqrt())
-}
-
 /// Lets the signal move only where it has left its last value by more than `reach_a`.
 fn follow(signal_a: &mut [f64], reach_a: f64) {
     let mut last = f64::NAN;
     for value in signal_a.iter_mut().filter(|v| v.is_finite()) {
         last = if last.is_nan() { *value } else { last.clamp(*value - reach_a, *value + reach_a) };
         *value = last;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::Run;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Normal};
+
+    #[test]
+    fn a_measured_current_in_coarse_steps_does_not_turn_where_it_flickers() {
+        let random = &mut rand_pcg::Pcg64::seed_from_u64(5);
+        let noise = Normal::new(0.0, 1.5e-4).unwrap();
+        let command: Vec<f64> = (0..4000).map(|k| 0.4 + 5e-5 * f64::from(k)).collect();
+        let measured: Vec<f64> = command.iter().map(|i| ((i + noise.sample(random)) * 1e3).round() / 1e3).collect();
+        let falls = |current: &[f64]| current.windows(2).filter(|w| w[1] < w[0]).count();
+        assert!(falls(&measured) > 100);
+        let time_s = (0..command.len()).map(|k| k as f64 * 0.01).collect();
+        let run = Run { time_s, current_a: command, current_meas_a: Some(measured), ..Run::default() };
+        let recording = Recording { source: "steps.csv".into(), runs: vec![run], notes: Vec::new(), input: None };
+        assert_eq!(falls(&by_measured(&recording).unwrap().runs[0].current_a), 0);
     }
 }
