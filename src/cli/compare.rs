@@ -9,8 +9,9 @@ use super::outputs::Force;
 use super::reading::ReadArgs;
 use super::valves::checked_valve;
 use super::{CliError, CliResult, exit, run_folder};
+use crate::course::{Course, Preparation};
 use crate::output::{Mark, Outputs};
-use crate::physics;
+use crate::physics::simulate_course;
 use crate::record::TestRecord;
 use crate::recording::{Format as FileFormat, Recording, Run, replace_file};
 use crate::report::compare::{Comparison, Item, Kind, Track, page, text};
@@ -56,16 +57,18 @@ pub fn run(args: &CompareArgs) -> CliResult {
     let sources = args.items.iter().map(|path| load(path, &args.reading)).collect::<Result<Vec<_>, _>>()?;
     let names = unique(&args.items);
     // Models see the current of the first item that has one, or a sweep where all are models.
-    let driven: Vec<Run> = sources
+    let made = |name: &str, runs: Vec<Run>| Recording { source: name.into(), runs, notes: Vec::new(), input: Some(Input::Held) };
+    let driven = sources
         .iter()
-        .find_map(|s| match s {
-            Source::Record(_, runs) if !runs.is_empty() => Some(runs.clone()),
-            Source::Recording(recording) => Some(recording.runs.clone()),
+        .zip(&names)
+        .find_map(|(source, name)| match source {
+            Source::Record(_, runs) if !runs.is_empty() => Some(made(name, runs.clone())),
+            Source::Recording(recording) => Some(recording.clone()),
             _ => None,
         })
         .unwrap_or_else(|| match &sources[0] {
-            Source::Model(valve) => vec![sweep(valve)],
-            _ => Vec::new(),
+            Source::Model(valve) => made("a sweep", vec![sweep(valve)]),
+            _ => made("no run", Vec::new()),
         });
     let items = names.iter().zip(sources).map(|(name, source)| item(name, source, &driven)).collect::<Result<Vec<_>, _>>()?;
     let comparison = Comparison::new(items);
@@ -83,13 +86,7 @@ fn load(path: &Path, reading: &ReadArgs) -> Result<Source, CliError> {
     if path.join(crate::record::RECORD_FILE).is_file() || path.extension().is_some_and(|e| e == "json") {
         let record = TestRecord::load(path).map_err(CliError::input)?;
         let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
-        let runs = run_folder::read_trace(folder, &record)?.map(|trace| Run {
-            time_s: trace.time_s,
-            current_a: trace.current_a,
-            pressure_bar: Some(trace.pressure_bar),
-            target_bar: trace.target_bar.iter().any(|v| v.is_finite()).then_some(trace.target_bar),
-            ..Run::default()
-        });
+        let runs = run_folder::read_trace(folder, &record)?.map(|trace| trace.run());
         return Ok(Source::Record(Box::new(record), runs.into_iter().collect()));
     }
     if FileFormat::of(path).is_ok() {
@@ -132,7 +129,7 @@ fn sweep(valve: &Valve) -> Run {
     Run { name: Some("sweep".into()), time_s, current_a, ..Run::default() }
 }
 
-fn item(name: &str, source: Source, driven: &[Run]) -> Result<Item, CliError> {
+fn item(name: &str, source: Source, driven: &Recording) -> Result<Item, CliError> {
     let track = |run: Run| {
         let start = run.time_s.first().copied().unwrap_or(0.0);
         Track {
@@ -150,12 +147,15 @@ fn item(name: &str, source: Source, driven: &[Run]) -> Result<Item, CliError> {
             Item { name: name.into(), kind: Kind::Recording, tracks: recording.runs.into_iter().map(track).collect(), record: None }
         }
         Source::Model(valve) => {
-            let mut tracks = Vec::new();
-            for run in driven {
-                let simulated = physics::simulate(&valve, Input::Held, &run.time_s, &run.current_a)
-                    .map_err(|e| CliError::input(format!("{name}: {e}")))?;
-                tracks.push(track(Run { pressure_bar: Some(simulated), ..run.clone() }));
-            }
+            let simulated = if driven.runs.is_empty() {
+                Vec::new()
+            } else {
+                let course = Course::of(driven, &Preparation::for_model(driven, &valve)).map_err(CliError::input)?;
+                let on_grids = simulate_course(&valve, &course).map_err(|e| CliError::input(format!("{name}: {e}")))?;
+                (0..).zip(&driven.runs).map(|(number, run)| course.on_recorded(number, &run.time_s, &on_grids)).collect()
+            };
+            let runs = driven.runs.iter().zip(simulated);
+            let tracks = runs.map(|(run, pressure_bar)| track(Run { pressure_bar: Some(pressure_bar), ..run.clone() })).collect();
             Item { name: name.into(), kind: Kind::Model, tracks, record: None }
         }
     })

@@ -9,6 +9,9 @@ pub use file::{RECORD_FILE, RecordError, SCHEMA, records};
 
 use serde::{Deserialize, Serialize};
 
+use crate::recording::Run;
+use crate::rig::Quality;
+
 /// The verdict of a measurement, a phase or a run, the least severe first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
@@ -306,9 +309,27 @@ pub struct Trace {
     /// Supply pressure [bar]; NaN where the rig has none.
     pub supply_bar: Vec<f64>,
     /// Quality of each sample.
-    pub quality: Vec<crate::rig::Quality>,
+    pub quality: Vec<Quality>,
     /// Lateness of each slot [s].
     pub lateness_s: Vec<f64>,
     /// Round-trip time of each transaction [s].
     pub round_trip_s: Vec<f64>,
+}
+
+impl Trace {
+    /// The trace as a recorded run; the pressure of a sample that is not good is a gap.
+    pub fn run(&self) -> Run {
+        let recorded = |values: &Vec<f64>| values.iter().any(|v| v.is_finite()).then(|| values.clone());
+        let good = |(k, p): (usize, &f64)| if self.quality.get(k).is_none_or(|q| *q == Quality::Good) { *p } else { f64::NAN };
+        Run {
+            name: None,
+            time_s: self.time_s.clone(),
+            current_a: self.current_a.clone(),
+            pressure_bar: Some(self.pressure_bar.iter().enumerate().map(good).collect()),
+            target_bar: recorded(&self.target_bar),
+            current_meas_a: recorded(&self.current_meas_a),
+            oil_temp_c: recorded(&self.oil_temp_c),
+            supply_bar: recorded(&self.supply_bar),
+        }
+    }
 }

@@ -76,6 +76,29 @@ fn all_commands_see_the_same_samples_noise_and_error() {
     assert!(rmse_bar < 1.15 * NOISE_BAR, "{rmse_bar}");
 }
 
+/// A comparison has the gaps, the rates and the input of every other command.
+#[test]
+fn a_model_in_a_comparison_is_that_of_a_simulation() {
+    let folder = tempfile::tempdir().unwrap();
+    recording(0.0).write(&folder.path().join("law.csv")).unwrap();
+    let rmse_bar = |arguments: &[&str], at: &dyn Fn(&serde_json::Value) -> f64| {
+        let output =
+            assert_cmd::Command::cargo_bin("hil").unwrap().current_dir(folder.path()).args(arguments).args(["--format", "json"]).output();
+        let output = output.unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        at(&serde_json::from_slice(&output.stdout).unwrap())
+    };
+    let mut found = Vec::new();
+    for input in ["held", "ramp"] {
+        let simulated = ["simulate", "law.csv", "--model", "paper", "--input", input, "-o", "out.csv"];
+        let simulated = rmse_bar(&simulated, &|v| v["rmse_bar"].as_f64().unwrap());
+        let compared = rmse_bar(&["compare", "law.csv", "paper", "--input", input], &|v| v["against_first"][0]["rmse_bar"].as_f64().unwrap());
+        assert!((simulated - compared).abs() < 2e-6, "{input}: simulate {simulated} compare {compared}");
+        found.push(simulated);
+    }
+    assert!((found[0] - found[1]).abs() > 1e-3, "{found:?}");
+}
+
 #[test]
 fn the_clock_of_a_recording_does_not_matter() {
     let options = Options { order: Some(3), hysteresis: HysteresisChoice::None, ..Options::default() };
