@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use super::CliError;
 use crate::output::{folder_name, make_folder};
 use crate::record::{TestRecord, Trace};
-use crate::recording::{Cells, Column, RecordingError, Values, read_parquet, replace_file, write_parquet};
+use crate::recording::{Cells, Column, RecordingError, Values, read_parquet, replace_file, write_parquet_stating};
 use crate::report;
 use crate::rig::Quality;
+use crate::valve::Input;
 
 /// The folder of a run that named none: the first `reports/runs/<plan>-<serial>-<n>` that does not exist.
 pub fn new_folder(plan: &str, serial: &str) -> Result<PathBuf, CliError> {
@@ -67,7 +68,8 @@ fn write_trace(path: &Path, record: &TestRecord, trace: &Trace) -> Result<(), Re
             table.push(numbers(name, values));
         }
     }
-    write_parquet(path, &[table])
+    // What a driver is told stands until the next message.
+    write_parquet_stating(path, &[table], Some(Input::Held))
 }
 
 /// The trace beside a record; `None` where there is none.

@@ -100,7 +100,7 @@ pub fn run(args: &SimulateArgs) -> CliResult {
         let pressure = pressure.into_iter().map(|p| if as_text { (p * 1e6).round() / 1e6 } else { p }).collect();
         runs.push(Run { name: run.name, time_s: run.time_s, current_a: run.current_a, pressure_bar: Some(pressure), ..Run::default() });
     }
-    let simulated = Recording { source: recording.source, runs, notes: Vec::new(), input: None };
+    let simulated = Recording { source: recording.source, runs, notes: Vec::new(), input: Some(course.input) };
 
     if let Some(path) = &args.output {
         simulated.write(path).map_err(CliError::not_stored)?;

@@ -93,7 +93,7 @@ pub(super) fn recording(mut rows: Rows) -> Result<Recording, RecordingError> {
     if runs.is_empty() {
         return Err(RecordingError::format(&rows.file, "there is no row with a time"));
     }
-    Ok(Recording { source: rows.file, runs, notes, input: None })
+    Ok(Recording { source: rows.file, runs, notes, input: rows.input })
 }
 
 impl Noticed {

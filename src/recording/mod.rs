@@ -38,7 +38,7 @@ pub use error::RecordingError;
 pub use format::Format;
 pub use inspect::{ChannelSurvey, Proposal, Survey, inspect};
 pub use mapping::{Mapping, Role};
-pub use parquet::{Group, groups, read_parquet, write_parquet};
+pub use parquet::{Group, groups, read_parquet, write_parquet, write_parquet_stating};
 pub use raw::Content;
 pub use reading::{Encoding, MAPPING_SCHEMA, MappingFile, ReadFile, Reading, SelectFile, Selection};
 pub use run::{MOST_VALUES, Recording, Run};
@@ -72,7 +72,7 @@ impl Recording {
             Format::Mdf4 => mdf4::read(path, &file, &reading.map)?,
         };
         let selected = clean::recording(rows)?.selected(&reading.select)?;
-        Ok(Self { input: reading.input, ..selected })
+        Ok(Self { input: reading.input.or(selected.input), ..selected })
     }
 
     /// Reads a recording from text in memory, see [`Recording::read`]; `source` names it in messages.

@@ -1,6 +1,7 @@
 //! Between a file format and the runs: which column becomes what, and the columns as they stand in the file.
 
 use super::{Channel, Mapping, RecordingError, likely, mapping::Role};
+use crate::valve::Input;
 
 /// Where each role comes from: column, factor, offset.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,6 +176,8 @@ pub(super) struct Rows {
     pub places: Places,
     /// What was noticed so far.
     pub notes: Vec<String>,
+    /// What the command does between its samples, where the file states that.
+    pub input: Option<Input>,
 }
 
 /// From the index of a row to how a message names it.

@@ -34,6 +34,14 @@ pub fn write_parquet(path: &Path, _tables: &[Vec<Column<'_>>]) -> Result<(), Rec
     Err(absent(&path.display().to_string()))
 }
 
+/// As [`write_parquet`].
+///
+/// # Errors
+/// Always.
+pub fn write_parquet_stating(path: &Path, tables: &[Vec<Column<'_>>], _input: Option<crate::valve::Input>) -> Result<(), RecordingError> {
+    write_parquet(path, tables)
+}
+
 /// The rows of one value of a column; here there are none.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {

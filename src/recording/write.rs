@@ -26,7 +26,7 @@ impl Recording {
     pub fn write(&self, path: &Path) -> Result<(), RecordingError> {
         match super::Format::of(path)? {
             super::Format::Csv => replace_file(path, |file| self.write_csv(file)),
-            super::Format::Parquet => super::parquet::write_parquet(path, &self.tables()),
+            super::Format::Parquet => super::parquet::write_parquet_stating(path, &self.tables(), self.input),
             super::Format::Mdf4 => replace_file(path, |file| super::mdf4::write(self, file)),
         }
     }

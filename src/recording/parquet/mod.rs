@@ -7,6 +7,7 @@ use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
+use parquet::file::metadata::FileMetaData;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
@@ -14,12 +15,16 @@ use super::mapping::Role;
 use super::raw::{Content, RawColumn, Table};
 use super::source::{Rows, Source, resolve};
 use super::{Cells, Mapping, RecordingError};
+use crate::valve::Input;
 
 mod groups;
 mod write;
 
 pub use groups::{Group, groups};
-pub use write::write_parquet;
+pub use write::{write_parquet, write_parquet_stating};
+
+/// Key under which a file of the program states what its command does between the samples.
+const INPUT_KEY: &str = "hil.input";
 
 /// Values taken from a column at a time.
 const BATCH: usize = 1 << 16;
@@ -140,6 +145,7 @@ fn read_trusting(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, Recor
         ));
     }
     let mut rows = Rows::new(file, &sources, false);
+    rows.input = stated_input(metadata.file_metadata());
 
     for source in &sources {
         let column = schema.column(source.column);
@@ -184,6 +190,12 @@ fn read_trusting(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, Recor
         return Err(RecordingError::format(file, "its columns are not equally long"));
     }
     Ok(rows)
+}
+
+/// What the command does between its samples, where the file states that.
+fn stated_input(metadata: &FileMetaData) -> Option<Input> {
+    let value = metadata.key_value_metadata()?.iter().find(|stated| stated.key == INPUT_KEY)?.value.as_deref()?;
+    [Input::Held, Input::Ramp].into_iter().find(|input| input.name() == value)
 }
 
 fn cell_error(file: &str, source: &Source, names: &[String], row: usize, what: &str) -> RecordingError {

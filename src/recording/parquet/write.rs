@@ -8,11 +8,14 @@ use std::sync::Arc;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as PhysicalType, ZstdLevel};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
 
+use super::INPUT_KEY;
 use crate::recording::{Column, RecordingError, Values, whole::replace_file};
+use crate::valve::Input;
 
 /// Rows of one row group: bounds the memory of whoever reads the file.
 const GROUP_ROWS: usize = 1 << 20;
@@ -28,11 +31,21 @@ impl From<(ParquetError, std::path::PathBuf)> for RecordingError {
 /// # Errors
 /// What the file system says; tables whose columns differ or are not equally long.
 pub fn write_parquet(path: &Path, tables: &[Vec<Column<'_>>]) -> Result<(), RecordingError> {
+    write_parquet_stating(path, tables, None)
+}
+
+/// As [`write_parquet`], a file that states what the command does between its samples.
+///
+/// # Errors
+/// As [`write_parquet`].
+pub fn write_parquet_stating(path: &Path, tables: &[Vec<Column<'_>>], input: Option<Input>) -> Result<(), RecordingError> {
+    let stated = input.map(|input| vec![KeyValue::new(INPUT_KEY.into(), input.name().to_string())]);
     replace_file(path, |file| {
         let Some(first) = tables.first() else { return Err(ParquetError::General("there is no table to write".into())) };
         let schema = Arc::new(schema(first)?);
-        let properties =
-            WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::try_new(3)?)).set_created_by("hil".into()).build();
+        let compression = Compression::ZSTD(ZstdLevel::try_new(3)?);
+        let properties = WriterProperties::builder().set_compression(compression).set_created_by("hil".into());
+        let properties = properties.set_key_value_metadata(stated).build();
         let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties))?;
         for table in tables {
             let rows = table.first().map_or(0, |c| c.values.len());
