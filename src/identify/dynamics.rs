@@ -27,29 +27,39 @@ const LEAST_LAG_HELD: f64 = 0.25;
 /// Gain in the Bayesian information criterion that a lag must bring: "strong" (Kass and Raftery 1995).
 const LAG_GAIN: f64 = 6.0;
 
-/// Refits delay, lag and all else from the best points of a grid; a lag stays only where the data show it.
-pub(super) fn refine(problem: &Problem<'_>, fit: &Fit, survey: &Survey, weights: &[f64], limit: f64) -> Fit {
+/// Delays that are tried about a fit [s].
+fn delays_s(problem: &Problem<'_>, fit: &Fit) -> Vec<f64> {
     let step_s = problem.step_s();
-    let with = Shape { lag: true, ..fit.shape.clone() };
-    let without = Shape { lag: false, ..fit.shape.clone() };
     let late = (fit.theta[fit.shape.delay()] + fit.shape.lag_s(&fit.theta)) / step_s;
     let spacing = GRID_STEP.max(late / 24.0);
     let count = ((late + 2.0) / spacing) as usize;
-    let delays: Vec<f64> = (0..=count).map(|k| k as f64 * spacing * step_s).collect();
-    let theta_with = fit.shape.convert(&fit.theta, &with, 0.0);
+    (0..=count).map(|k| k as f64 * spacing * step_s).collect()
+}
+
+/// The fit with a lag, from the best points of a grid of delays and lags; nothing where no lag can be tried.
+pub(super) fn with_lag(problem: &Problem<'_>, fit: &Fit, survey: &Survey, weights: &[f64], limit: f64) -> Option<Fit> {
+    let with = Shape { lag: true, ..fit.shape.clone() };
+    let lags: Vec<f64> = LAGS.iter().map(|l| l * problem.step_s()).filter(|l| *l <= problem.lag_max_s).collect();
+    let theta = fit.shape.convert(&fit.theta, &with, 0.0);
+    let starts = grid(problem, &with, &theta, survey.rate_a_per_s, (&delays_s(problem, fit), &lags), weights, limit);
+    follow(problem, &with, starts, weights, limit)
+}
+
+/// Refits delay, lag and all else from the best points of a grid; a lag stays only where the data show it.
+pub(super) fn refine(problem: &Problem<'_>, fit: &Fit, survey: &Survey, weights: &[f64], limit: f64) -> Fit {
+    let step_s = problem.step_s();
+    let without = Shape { lag: false, ..fit.shape.clone() };
     let mut theta_without = fit.shape.convert(&fit.theta, &without, 0.0);
     theta_without[without.delay()] += fit.shape.lag_s(&fit.theta);
     let plain = follow(
         problem,
         &without,
-        grid(problem, &without, &theta_without, survey.rate_a_per_s, (&delays, &[0.0]), weights, limit),
+        grid(problem, &without, &theta_without, survey.rate_a_per_s, (&delays_s(problem, fit), &[0.0]), weights, limit),
         weights,
         limit,
     );
-    let lags: Vec<f64> = LAGS.iter().map(|l| l * step_s).filter(|l| *l <= problem.lag_max_s).collect();
-    let lagged =
-        follow(problem, &with, grid(problem, &with, &theta_with, survey.rate_a_per_s, (&delays, &lags), weights, limit), weights, limit);
-    let (Some(plain), Some(lagged)) = (plain, lagged) else { return fit.clone() };
+    let (Some(plain), Some(lagged)) = (plain, with_lag(problem, fit, survey, weights, limit)) else { return fit.clone() };
+    let with = &lagged.shape;
     let least = if with.input == Input::Held { LEAST_LAG_HELD } else { LEAST_LAG };
     let shown = with.lag_s(&lagged.theta) > least * step_s;
     let wanted = if survey.steps == 0 && with.input == Input::Held {

@@ -13,6 +13,7 @@ mod evidence;
 mod fit;
 mod heldout;
 mod inverse;
+mod late;
 mod model;
 mod options;
 mod outcome;

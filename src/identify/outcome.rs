@@ -7,7 +7,7 @@ use super::profile::Node;
 use super::quality::{Quality, quality};
 use super::survey::{Survey, play};
 use super::uncertainty::{covariance, staircase, variance};
-use super::{Options, evidence, warnings, windows};
+use super::{Options, evidence, late, warnings, windows};
 use crate::course::Course;
 use crate::units::{Current, Pressure};
 use crate::valve::{Identification, Input, ParameterEstimate, ReferenceCurves, Valve};
@@ -112,7 +112,8 @@ pub(super) fn outcome(
     let (variance, time) = variance(problem, fit, &weights, limit);
     let covariance =
         if shape.is_staircase() { staircase(problem, fit, (&weights, limit), variance) } else { covariance(fit, nodes, variance) };
-    let parameters = parameters(fit, &covariance);
+    let late_error_s = late::late_error_s(problem, survey, fit, (&weights, limit), &covariance);
+    let parameters = parameters(fit, &covariance, late_error_s);
     let curve_points = curve_points(fit, &covariance, survey.covered_a);
     let delay_s = fit.theta[shape.delay()];
     let delayed = problem.delayed(delay_s, shape.input);

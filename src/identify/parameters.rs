@@ -54,8 +54,8 @@ pub struct CurvePoint {
     pub descending_std_error_bar: f64,
 }
 
-/// The parameters of a fit.
-pub(super) fn parameters(fit: &Fit, covariance: &DMatrix<f64>) -> Vec<Parameter> {
+/// The parameters of a fit; `late_error_s` is the standard error of delay and lag together where the covariance does not hold it.
+pub(super) fn parameters(fit: &Fit, covariance: &DMatrix<f64>, late_error_s: Option<f64>) -> Vec<Parameter> {
     let shape = &fit.shape;
     let curve = shape.order + 1;
     let mut out = Vec::new();
@@ -112,7 +112,8 @@ pub(super) fn parameters(fit: &Fit, covariance: &DMatrix<f64>) -> Vec<Parameter>
         (direction[delay], direction[lag]) = (1.0, 1.0);
         out.push(Parameter::new("late", fit.theta[delay] + fit.theta[lag], error_of(covariance, &direction), "s"));
     } else {
-        out.push(Parameter::new("late", fit.theta[delay], covariance[(delay, delay)].sqrt(), "s"));
+        let error_s = late_error_s.unwrap_or_else(|| covariance[(delay, delay)].sqrt());
+        out.push(Parameter::new("late", fit.theta[delay], error_s, "s"));
     }
     out
 }

@@ -19,6 +19,10 @@ const PLAY_SHARE: f64 = 0.02;
 const HAIR_SHARE: f64 = 0.01;
 /// A floor above zero is seen over this share of the range of the current.
 const FLOOR_SHARE: f64 = 0.05;
+/// Readings on a floor lie within three deviations of the noise, or this share of the range of the pressure.
+const FLOOR_WIDTH: f64 = 1e-3;
+/// And so many times as dense as those right above it: those of a current that passes are as dense there.
+const DENSER: usize = 5;
 /// Bins of the current in which both directions must have been seen.
 pub(super) const DIRECTION_BINS: usize = 20;
 
@@ -210,6 +214,13 @@ fn floor(segments: &[Segment], pressures: &[f64], noise_bar: f64, span_bar: f64,
     let bottom: Vec<f64> = pressures.iter().copied().take_while(|p| *p < lowest + near).collect();
     let level = quantile(&bottom, 0.5);
     if level.abs() < (3.0 * noise_bar).max(0.05) {
+        return Some(0.0);
+    }
+    // Few readings stand on a floor at zero where a step test was there once: they lie closer together than what is right above.
+    let narrow = (3.0 * noise_bar).max(FLOOR_WIDTH * span_bar);
+    let below = |bar: f64| pressures.partition_point(|p| *p < bar);
+    let (on_floor, above) = (below(lowest + narrow), below(lowest + 2.0 * narrow) - below(lowest + narrow));
+    if on_floor > DENSER * above && quantile(&pressures[..on_floor], 0.5).abs() < 3.0 * noise_bar {
         return Some(0.0);
     }
     // The lowest level of a step test stands too, but at one current.
