@@ -90,9 +90,10 @@ fn a_model_in_a_comparison_is_that_of_a_simulation() {
     };
     let mut found = Vec::new();
     for input in ["held", "ramp"] {
-        let simulated = ["simulate", "law.csv", "--model", "paper", "--input", input, "-o", "out.csv"];
+        let simulated = ["simulate", "law.csv", "--model", "paper", "--input", input];
         let simulated = rmse_bar(&simulated, &|v| v["rmse_bar"].as_f64().unwrap());
-        let compared = rmse_bar(&["compare", "law.csv", "paper", "--input", input], &|v| v["against_first"][0]["rmse_bar"].as_f64().unwrap());
+        let compared =
+            rmse_bar(&["compare", "law.csv", "paper", "--input", input], &|v| v["against_first"][0]["rmse_bar"].as_f64().unwrap());
         assert!((simulated - compared).abs() < 2e-6, "{input}: simulate {simulated} compare {compared}");
         found.push(simulated);
     }
