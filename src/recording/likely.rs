@@ -92,7 +92,7 @@ fn against(role: Role) -> &'static [&'static str] {
 
 /// How much speaks for a column being of a role, and what; 0 where nothing does.
 pub fn score(role: Role, column: &Named) -> (i32, String) {
-    let mut why = Vec::new();
+    let mut found: Vec<&str> = Vec::new();
     let lower = column.name.to_lowercase();
     let parts: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|p| !p.is_empty()).collect();
     let mut score = 0;
@@ -101,9 +101,12 @@ pub fn score(role: Role, column: &Named) -> (i32, String) {
         let there = parts.iter().any(|p| p == word || word.len() >= 4 && p.contains(word));
         if there {
             score += weight;
-            why.push(format!("`{word}` in its name"));
+            found.push(word);
         }
     }
+    // A word that is part of another one says nothing more.
+    let whole = found.iter().filter(|word| !found.iter().any(|other| other != *word && other.contains(**word)));
+    let mut why: Vec<String> = whole.map(|word| format!("`{word}` in its name")).collect();
     score -= 3 * against(role).iter().filter(|w| parts.iter().any(|p| p == *w || w.len() >= 5 && p.contains(*w))).count() as i32;
     if column.name.eq_ignore_ascii_case(role.name()) {
         return (100, "its own name".into());
