@@ -238,6 +238,19 @@ fn steps_of_a_held_command_give_delay_and_lag_to_a_millisecond() {
 }
 
 #[test]
+fn a_floor_that_a_step_test_stood_on_once_is_found_beside_a_level_right_above_it() {
+    let random = &mut Pcg64::seed_from_u64(50);
+    let valve = Apart::new(0.8, 0.02, 0.01);
+    let mut current: Vec<f64> = steps(55.0, random).into_iter().map(|i| i.max(0.27)).collect();
+    for (level, samples) in [(0.5, 60), (0.185, 140), (0.4, 60), (0.15, 90), (0.6, 60), (0.2, 120)] {
+        current.extend(std::iter::repeat_n(level, samples));
+    }
+    let found = identify(&open(&valve, current, 0.01, Input::Held, random), &Options::default()).unwrap();
+    assert_eq!(found.valve.floor_bar, Some(0.0), "{:?}", found.notes);
+    assert!(found.rmse_bar < 1.2 * NOISE_BAR, "{}", found.quality.why);
+}
+
+#[test]
 fn a_drive_in_closed_loop_is_fitted_to_the_noise_whatever_was_before_its_first_sample() {
     for seed in 0..seeds() {
         let random = &mut Pcg64::seed_from_u64(100 + seed);

@@ -33,6 +33,11 @@ impl Parameter {
         Self { name: name.into(), value, std_error, interval: (value - reach, value + reach), unit: unit.into() }
     }
 
+    /// Whether it is a coefficient of a curve.
+    pub fn is_coefficient(&self) -> bool {
+        self.name.rsplit_once("_c").is_some_and(|(_, power)| power.parse::<usize>().is_ok())
+    }
+
     fn positive(name: &str, value: f64, std_error: f64, unit: &str) -> Self {
         let factor = (SIGMAS_95 * std_error / value).exp();
         Self { interval: (value / factor, value * factor), ..Self::new(name, value, std_error, unit) }

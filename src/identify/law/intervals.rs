@@ -120,7 +120,8 @@ fn intervals_hold_the_truth_and_are_not_bought_by_width() {
             let missed = all[what] - inside[what];
             let few = if what == 2 { 18 } else { 2 };
             assert!(10 * missed <= all[what] + 10 * few, "{kind:?}: {name}");
-            assert!(width <= 2.0 + 1.0 / seeds() as f64, "{kind:?}: {name} {width}");
+            // Narrower than the bound is what leaves out something that is not known, as a lag that was not seen.
+            assert!(width >= 0.9 && width <= 2.0 + 1.0 / seeds() as f64, "{kind:?}: {name} {width}");
         }
     }
 }
