@@ -1,12 +1,14 @@
 //! A recorded run through a valve model, on the times of its samples.
 
+use std::borrow::Cow;
+
 use super::block::Signals;
 use super::error::PhysicsError;
 use super::finite::blame;
 use super::pipeline::Pipeline;
 use crate::valve::{Input, Valve};
 
-/// Time steps that differ by more than this share of their median are resampled.
+/// Time steps of which one differs by more than this share from their mean are resampled.
 const UNEVEN: f64 = 0.02;
 
 /// Simulates one recorded run: pressure [bar] at each time, free-running from the average curve at its first current.
@@ -41,16 +43,7 @@ pub fn simulate_with(valve: &Valve, input: Input, time_s: &[f64], signals: &Sign
     let Some(first) = current_a.iter().copied().find(|i| i.is_finite()) else {
         return if current_a.is_empty() { Ok(Vec::new()) } else { Err(PhysicsError::Input("the current is never recorded".into())) };
     };
-    let mut last = first;
-    let held: Vec<f64> = current_a
-        .iter()
-        .map(|i| {
-            if i.is_finite() {
-                last = *i;
-            }
-            last
-        })
-        .collect();
+    let held = without_gaps(current_a, first);
     let pipeline = Pipeline { input, ..Pipeline::of(valve)? };
     let (mut work, mut pressure) = (Vec::new(), Vec::new());
     let finite = |pressure: Vec<f64>, dt_s: f64, signals: &Signals<'_>| match pressure.iter().position(|p| !p.is_finite()) {
@@ -62,16 +55,16 @@ pub fn simulate_with(valve: &Valve, input: Input, time_s: &[f64], signals: &Sign
         pipeline.run(time_s[0], 0.01, &signals, &mut work, &mut pressure);
         return finite(pressure, 0.01, &signals);
     }
-    let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
-    let middle = steps.len() / 2;
-    let dt_s = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    if steps.iter().all(|s| (s - dt_s).abs() <= UNEVEN * dt_s) {
-        let dt_s = (time_s[time_s.len() - 1] - time_s[0]) / (time_s.len() - 1) as f64;
+    let span = time_s[time_s.len() - 1] - time_s[0];
+    let dt_s = span / (time_s.len() - 1) as f64;
+    if time_s.windows(2).all(|w| (w[1] - w[0] - dt_s).abs() <= UNEVEN * dt_s) {
         let signals = signals.with_current(&held);
         pipeline.run(time_s[0], dt_s, &signals, &mut work, &mut pressure);
         return finite(pressure, dt_s, &signals);
     }
-    let span = time_s[time_s.len() - 1] - time_s[0];
+    let mut steps: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
+    let middle = steps.len() / 2;
+    let dt_s = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
     let n = (span / dt_s).ceil();
     if n.is_nan() || n > (50 * time_s.len() + 1000) as f64 {
         return Err(PhysicsError::Input(format!(
@@ -88,6 +81,21 @@ pub fn simulate_with(valve: &Valve, input: Input, time_s: &[f64], signals: &Sign
     let signals = Signals { current_a: &current, oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref() };
     pipeline.run(time_s[0], dt_s, &signals, &mut work, &mut pressure);
     Ok(interpolate(&even, &finite(pressure, dt_s, &signals)?, time_s))
+}
+
+/// A current whose gaps hold its last value, and before the first value that one.
+fn without_gaps(current_a: &[f64], first_a: f64) -> Cow<'_, [f64]> {
+    if current_a.iter().all(|i| i.is_finite()) {
+        return Cow::Borrowed(current_a);
+    }
+    let mut last = first_a;
+    let hold = |i: &f64| {
+        if i.is_finite() {
+            last = *i;
+        }
+        last
+    };
+    Cow::Owned(current_a.iter().map(hold).collect())
 }
 
 /// The value at `at` of what is `y` from each `x` on.
