@@ -107,9 +107,14 @@ pub fn text(found: &Identified) -> String {
     let mut out = String::new();
     let _ = writeln!(out, "{}: {}\n", valve.name, valve.source);
     let _ = writeln!(out, "{:<16} {:>14}   {:>14}   unit", "parameter", "value", "std error");
-    for p in &found.parameters {
+    let of_a_curve = |p: &&Parameter| p.is_coefficient();
+    let told = found.parameters.iter().filter(of_a_curve).all(is_determined);
+    for p in found.parameters.iter().filter(|p| told || !p.is_coefficient()) {
         let (value, error) = figures(p);
         let _ = writeln!(out, "{:<16} {value:>14} ± {error:>14}   {}", p.name, p.unit);
+    }
+    if !told {
+        curves(&mut out, found);
     }
     let _ = writeln!(out);
     let (low, high) = found.seen_a();
@@ -155,6 +160,23 @@ pub fn text(found: &Identified) -> String {
     out
 }
 
+/// The curves at some currents, where their coefficients are not determined one by one though the curves are.
+fn curves(out: &mut String, found: &Identified) {
+    let bar = |value: f64, error: f64| {
+        let (value, error) = digits(value, error);
+        format!("{value:>12} ± {error:<8}")
+    };
+    let one = found.valve.hysteresis == Hysteresis::None;
+    let names = if one { ["curve [bar]", ""] } else { ["rising [bar]", "falling [bar]"] };
+    let _ = writeln!(out, "\n{:<16} {:<23} {}", "current [A]", format!("{:>12}", names[0]), format!("{:>13}", names[1]).trim_end());
+    for p in &found.curve_points {
+        let (rising, falling) = (bar(p.ascending_bar, p.ascending_std_error_bar), bar(p.descending_bar, p.descending_std_error_bar));
+        let line = if one { format!("{:<16.4} {rising}", p.current_a) } else { format!("{:<16.4} {rising} {falling}", p.current_a) };
+        let _ = writeln!(out, "{}", line.trim_end());
+    }
+    paragraph(out, "", "The coefficients of the curves stand in the valve file; one by one the recording does not determine them.");
+}
+
 /// A paragraph whose later lines stand under the first.
 fn paragraph(out: &mut String, title: &str, text: &str) {
     let lead = if title.is_empty() { String::new() } else { format!("{title}: ") };
@@ -165,13 +187,22 @@ fn paragraph(out: &mut String, title: &str, text: &str) {
 
 /// Value and error in the digits that the error allows: two of the error, the same decimals for the value.
 fn figures(p: &Parameter) -> (String, String) {
-    if !p.std_error.is_finite() || p.std_error <= 0.0 {
-        return (format!("{:.6}", p.value), "unknown".into());
+    let (value, error) = digits(p.value, p.std_error);
+    (if is_determined(p) { value } else { "not determined".into() }, error)
+}
+
+/// Whether a value is larger than its error.
+fn is_determined(p: &Parameter) -> bool {
+    !p.std_error.is_finite() || p.std_error <= 0.0 || p.std_error < p.value.abs()
+}
+
+fn digits(value: f64, error: f64) -> (String, String) {
+    if !error.is_finite() || error <= 0.0 {
+        return (format!("{value:.6}"), "unknown".into());
     }
     // Two digits of the error, and the value to the same place: what lies below is not known.
-    let place = p.std_error.log10().floor() as i32 - 1;
+    let place = error.log10().floor() as i32 - 1;
     let decimals = (-place).clamp(0, 12) as usize;
     let round = |v: f64| if place > 0 { (v / 10f64.powi(place)).round() * 10f64.powi(place) } else { v };
-    let value = if p.std_error < p.value.abs() { format!("{:.decimals$}", round(p.value)) } else { "not determined".into() };
-    (value, format!("{:.decimals$}", round(p.std_error)))
+    (format!("{:.decimals$}", round(value)), format!("{:.decimals$}", round(error)))
 }
