@@ -246,6 +246,36 @@ mod tests {
         assert!(c.pp.value.is_some() && c.ppk.value.is_some());
     }
 
+    /// Of normal values the method of quantiles gives the textbook's Pp and Ppk, on either side.
+    #[test]
+    fn performance_of_normal_values_is_the_textbooks() {
+        let values: Vec<f64> = (0..300).map(|k| 10.0 + 2.0 * normal_quantile((f64::from(k) + 0.5) / 300.0)).collect();
+        let (mean, deviation) = mean_deviation(&values);
+        for (min, max, nearer) in [(4.0, 22.0, mean - 4.0), (-2.0, 16.0, 16.0 - mean)] {
+            let c = of(&values, Some(min), Some(max));
+            let (pp, ppk) = (c.pp.value.unwrap(), c.ppk.value.unwrap());
+            assert_eq!((pp.method.as_str(), ppk.method.as_str()), ("normal", "normal"));
+            assert!((pp.value - (max - min) / (6.0 * deviation)).abs() < 1e-3, "{pp:?}");
+            assert!((ppk.value - nearer / (3.0 * deviation)).abs() < 1e-3, "{ppk:?}");
+        }
+        // With one limit there is no width.
+        let c = of(&values, Some(4.0), None);
+        assert_eq!(c.pp.absent.unwrap(), "needs both limits");
+        assert!((c.ppk.value.unwrap().value - (mean - 4.0) / (3.0 * deviation)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_stable_process_has_the_indices_of_its_moving_range_from_25_values_on() {
+        // The quantiles of a normal distribution, one beside the other as chance would have it.
+        let values: Vec<f64> = (0..25).map(|k| 10.0 + 2.0 * normal_quantile((f64::from(k * 7 % 25) + 0.5) / 25.0)).collect();
+        let chart = control_chart(&values, &(0..25).collect::<Vec<_>>()).value.unwrap();
+        let c = of(&values, Some(0.0), Some(22.0));
+        let (cp, cpk) = (c.cp.value.unwrap().value, c.cpk.value.unwrap().value);
+        let (mean, spread) = (mean_deviation(&values).0, chart.within_deviation);
+        assert!(chart.stable && (cp - 22.0 / (6.0 * spread)).abs() < 1e-12, "{cp}");
+        assert!((cpk - (mean / (3.0 * spread)).min((22.0 - mean) / (3.0 * spread))).abs() < 1e-12, "{cpk}");
+    }
+
     /// Exponential values: the true quantiles are -ln(0.99865), ln 2 and -ln(0.00135).
     #[test]
     fn a_skewed_metric_has_the_index_of_its_own_distribution() {
