@@ -121,7 +121,7 @@ fn intervals_hold_the_truth_and_are_not_bought_by_width() {
             let few = if what == 2 { 18 } else { 2 };
             assert!(10 * missed <= all[what] + 10 * few, "{kind:?}: {name}");
             // Narrower than the bound is what leaves out something that is not known, as a lag that was not seen.
-            assert!(width >= 0.9 && width <= 2.0 + 1.0 / seeds() as f64, "{kind:?}: {name} {width}");
+            assert!((0.9..=2.0 + 1.0 / seeds() as f64).contains(&width), "{kind:?}: {name} {width}");
         }
     }
 }
