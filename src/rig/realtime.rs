@@ -1,10 +1,8 @@
 //! The loop's clock and priority: absolute deadlines, SCHED_FIFO, locked memory and fine timers, each where the
 //! system permits it, and each outcome recorded.
 
-use std::num::NonZeroU64;
 use std::time::Duration;
 
-use rustix::mm::MlockAllFlags;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
 /// What the system permitted, in the order in which it is printed.
@@ -37,14 +35,44 @@ pub fn prioritize(priority: u8) -> Privileges {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let granted = ThreadPriorityValue::try_from(priority)
         .is_ok_and(|value| set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy).is_ok());
-    let fine_timers = rustix::thread::set_current_timer_slack(NonZeroU64::new(1)).is_ok();
-    Privileges { priority: granted.then_some(priority), memory_locked: false, fine_timers }
+    Privileges { priority: granted.then_some(priority), memory_locked: false, fine_timers: fine_timers() }
+}
+
+#[cfg(target_os = "linux")]
+fn fine_timers() -> bool {
+    rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1)).is_ok()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn fine_timers() -> bool {
+    false
+}
+
+#[cfg(target_os = "linux")]
+fn memory_locked() -> bool {
+    use rustix::mm::{MlockAllFlags, mlockall};
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).is_ok()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn memory_locked() -> bool {
+    false
+}
+
+/// Sleeps until this time of the monotonic clock, where the system can.
+#[cfg(target_os = "linux")]
+fn sleep_absolute(deadline: &Timespec) -> rustix::io::Result<()> {
+    rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, deadline)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn sleep_absolute(_: &Timespec) -> rustix::io::Result<()> {
+    Err(rustix::io::Errno::NOSYS)
 }
 
 /// Prepares the calling thread for a control loop: priority, locked memory, fine timers, each where permitted.
 pub fn prepare(priority: u8) -> Privileges {
-    let memory_locked = rustix::mm::mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).is_ok();
-    Privileges { memory_locked, ..prioritize(priority) }
+    Privileges { memory_locked: memory_locked(), ..prioritize(priority) }
 }
 
 /// A clock with its zero where it was made, for absolute deadlines.
@@ -85,7 +113,7 @@ impl Clock {
     pub fn sleep_until(&self, time_s: f64) {
         let deadline = self.at(time_s);
         loop {
-            match rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &deadline) {
+            match sleep_absolute(&deadline) {
                 Err(rustix::io::Errno::INTR) => {}
                 Ok(()) => return,
                 Err(_) => {
