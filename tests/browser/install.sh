@@ -12,7 +12,7 @@ if [ "${#need[@]}" -gt 0 ]; then
 fi
 target=../../target/browser
 mkdir -p "$target"
-cp package.json pages.mjs pictures.mjs station.mjs "$target"
+cp package.json pages.mjs pictures.mjs station.mjs load.mjs "$target"
 cd "$target"
 # What is installed is what package.json pins.
 node -e 'for (const [name, version] of Object.entries(require("./package.json").dependencies)) if (require(`${name}/package.json`).version !== version) process.exit(1)' 2> /dev/null ||
