@@ -4,7 +4,7 @@ use super::conclude::Findings;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Finding};
 use super::fit::Fit;
-use super::good::Price;
+use super::good::{Good, Price};
 use super::model::Simulator;
 use crate::physics::{Effect, Kind, effect};
 
@@ -42,12 +42,40 @@ impl Findings<'_, '_> {
         })
     }
 
+    /// Whether the record is no farther off the model, as data of the good valve has it and without any refit, than that data is.
+    fn is_as_known(&self) -> bool {
+        let (fitter, base) = (self.fitter, self.base);
+        let found = fitter.score(&mut Simulator::new(fitter.evidence), base, &base.calibrated(), &mut Vec::new());
+        found.rmse_bar < fitter.criteria.structure_known * fitter.floor_bar
+    }
+
+    /// Whether most of what the chosen model gains over `without` lies behind movements of which data of the good valve shows none:
+    /// what that data would do there, nobody knows.
+    fn shows_where_unseen(&self, good: &Good, without: &Fit<'_>) -> bool {
+        let fitter = self.fitter;
+        let residual = |fit: &Fit<'_>| {
+            let mut residual = Vec::new();
+            Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
+            residual
+        };
+        let gains = residual(without).into_iter().zip(residual(&self.search.chosen)).map(|(a, b)| a * a - b * b);
+        let (mut unseen, mut all) = (0.0, 0.0);
+        for (gain, new) in gains.zip(good.has_not_seen(fitter.evidence, &fitter.criteria)).filter(|(g, _)| g.is_finite()) {
+            all += gain;
+            unseen += if new { gain } else { 0.0 };
+        }
+        unseen > 0.5 * all
+    }
+
     /// Whether data of the good valve excludes effect number `k` of the chosen model; `without`: the model without it;
     /// `gain_bar`: the interval of its gain on held-out data.
     pub fn claim(&self, k: usize, without: &Fit<'_>, gain_bar: Option<(f64, f64)>) -> Claim {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
         let Some(good) = self.good else { return Claim::Lacks };
+        if self.is_as_known() || self.shows_where_unseen(good, without) {
+            return Claim::Lacks;
+        }
         // A loop whose form had to be corrected by the same effect already has changed its form only on paper.
         if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
             return Claim::Lacks;

@@ -62,7 +62,7 @@ impl CoilCurrent {
 }
 
 /// Compares the calibrated model `null`, driven by the command, with the same driven by the measured current. `None` where that
-/// was not recorded, or the base misses no more than the floor.
+/// was not recorded, is no current of this coil, or the base misses no more than the floor.
 pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) -> Option<CoilCurrent> {
     let missing = |rmse_bar: f64| rmse_bar.powi(2) - fitter.floor_bar.powi(2);
     let before = missing(null.rmse_bar);
@@ -76,7 +76,11 @@ pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) 
     let base = Model::base(valve).ok()?.on(&evidence);
     let base = if evidence.is_slow() { base.of_process(evidence.step_s()) } else { base };
     let unsettled = start::unsettled(&mut evidence, &base);
-    let (fit, _) = recalibrated(&Fitter::without(&evidence, unsettled), base);
+    let (fit, _) = recalibrated(&Fitter::without(&evidence, &unsettled), base);
+    // A channel with which the model fits worse is not the current of this coil, or not in this unit.
+    if fit.rmse_bar > fitter.criteria.recalibrates * null.rmse_bar {
+        return None;
+    }
     let gone = 1.0 - missing(fit.rmse_bar).max(0.0) / before;
     let (explains, structure) = (fitter.criteria.explains, fitter.criteria.structure);
     let missing = if gone >= explains && fit.rmse_bar <= structure * fitter.floor_bar {

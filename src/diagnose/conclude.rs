@@ -15,7 +15,7 @@ use super::model::{Model, Simulator};
 use super::posterior;
 use super::remainder::remainder;
 use super::scatter::Scattered;
-use super::search::Search;
+use super::search::{Ranked, Search, confirmed};
 use crate::physics::{EFFECTS, Effect, Kind, specification};
 use crate::recording::Recording;
 
@@ -39,9 +39,25 @@ pub struct Findings<'s, 'a> {
     /// The fitter of the part of the recording that the search has looked at, where that is not all.
     pub looking: Option<&'s Fitter<'s>>,
     /// The search over the effects of the course.
-    pub search: &'s Search<'a>,
+    pub search: Search<'a>,
     /// What the effects of the scatter found.
-    pub scattered: Vec<Scattered>,
+    pub scattered: &'s [Scattered],
+    /// Samples before the valve has settled from where it stood.
+    pub unsettled: &'s [usize],
+    /// The effects of the course, each against what could stand in its place.
+    pub weighed: Vec<Weighed<'a>>,
+}
+
+/// An effect against its rivals.
+pub struct Weighed<'a> {
+    /// The chosen model without it.
+    without: Fit<'a>,
+    /// Its posterior share.
+    share: f64,
+    /// The rest of the credible set, best first.
+    rest: Vec<String>,
+    /// The rival of the largest share, where that is larger than its own.
+    likelier: Option<(f64, Fit<'a>)>,
 }
 
 impl<'a> Findings<'_, 'a> {
@@ -57,7 +73,7 @@ impl<'a> Findings<'_, 'a> {
 
     /// The diagnosis.
     pub fn conclude(self) -> Diagnosed {
-        let (fitter, search) = (self.fitter, self.search);
+        let (fitter, search) = (self.fitter, &self.search);
         let evidence = fitter.evidence;
         let measured_all = evidence.pressure_bar();
         let base_bar = self.as_given();
@@ -70,7 +86,12 @@ impl<'a> Findings<'_, 'a> {
         let (mut form, effects) = self.sorted(findings);
         form.extend(self.good.into_iter().flat_map(|g| g.corrections.iter().map(|c| c.finding(&g.names))));
 
-        let residual = self.residual(&augmented_bar);
+        // Readings that were left out, but that no named cause has spoilt, are part of what is left.
+        let mut counted = measured_all.clone();
+        for k in self.scattered.iter().flat_map(|s| &s.finding.masked).chain(self.unsettled) {
+            counted[*k] = f64::NAN;
+        }
+        let residual: Vec<f64> = counted.iter().zip(&augmented_bar).map(|(y, p)| y - p).collect();
         let standardised = self.standardised(&residual);
         let block = blocks(fitter);
         let unexplained = remainder(evidence, &standardised, &augmented_bar, &block, self.accuracy_bar(!effects.is_empty()));
@@ -82,8 +103,9 @@ impl<'a> Findings<'_, 'a> {
         };
         // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back, and
         // what the good valve's own data have calibrated is not moved by a record in which nothing has changed.
-        let moved = rms(&base_residual) > fitter.criteria.recalibrates * rms(&self.residual(&refit_bar));
-        let kept = verdict == Verdict::Match && effects.is_empty() && (self.good.is_some() || form.is_empty() && !moved);
+        let moved = rms(&self.residual(&base_bar)) > fitter.criteria.recalibrates * rms(&self.residual(&refit_bar));
+        let as_ever = verdict == Verdict::Match && effects.is_empty() && (self.good.is_some() || form.is_empty());
+        let kept = as_ever && self.good.is_some() || !moved && (as_ever || search.chosen.model.effects.is_empty());
         let mut augmented = if kept { self.given.valve.clone() } else { search.chosen.model.valve_file(&search.chosen.theta) };
         let augmented_bar = if kept { base_bar.clone() } else { augmented_bar };
         augmented.effects.extend(self.scattered.iter().map(|s| specification(s.effect, &s.finding.theta)));
@@ -175,7 +197,7 @@ impl<'a> Findings<'_, 'a> {
     fn standardised(&self, residual: &[f64]) -> Vec<f64> {
         let noise = self.fitter.evidence.noise_bar;
         let mut variance = vec![noise * noise; residual.len()];
-        for s in &self.scattered {
+        for s in self.scattered {
             for (v, spread) in variance.iter_mut().zip(&s.finding.spread_bar) {
                 *v += spread * spread;
             }
@@ -204,10 +226,8 @@ impl<'a> Findings<'_, 'a> {
             .into_par_iter()
             .map(|k| {
                 let effect = chosen.model.effects[k];
-                let mut theta = chosen.theta.clone();
-                theta.drain(chosen.model.place(k));
-                let without = self.without(k, &theta);
-                let (gain, interval, p_value) = chosen_held.gain_over(&held_out(fitter, &without, 4));
+                let Weighed { without, share, rest, .. } = &self.weighed[k];
+                let (gain, interval, p_value) = chosen_held.gain_over(&held_out(fitter, without, 4));
                 let parameters: BTreeMap<String, Estimate> = effect
                     .parameters()
                     .iter()
@@ -218,8 +238,7 @@ impl<'a> Findings<'_, 'a> {
                     })
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
-                let (share, indistinguishable) = self.rivals(k, &without);
-                let claim = self.claim(k, &without, interval);
+                let claim = self.claim(k, without, interval);
                 let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (
@@ -227,13 +246,13 @@ impl<'a> Findings<'_, 'a> {
                     Finding {
                         id,
                         claim,
-                        share,
-                        is_class: share < fitter.criteria.name_share || chosen.at_bound(k),
+                        share: *share,
+                        is_class: *share < fitter.criteria.name_share || chosen.at_bound(k),
                         parameters,
                         heldout_gain_bar: gain,
                         heldout_gain_ci_bar: interval,
                         p_value,
-                        indistinguishable,
+                        indistinguishable: rest.clone(),
                         evidence,
                     },
                 )
@@ -257,10 +276,41 @@ impl<'a> Findings<'_, 'a> {
         self.looking.unwrap_or(self.fitter)
     }
 
-    /// The posterior share of effect number `k`, and the rest of the credible set in its place, best first.
-    fn rivals(&self, k: usize, without: &Fit<'a>) -> (f64, Vec<String>) {
+    /// With each effect weighed, and a likelier one in the place of one that has any.
+    pub fn weighed(mut self) -> Self {
+        self.weighed = self.weigh();
+        if let Some(likelier) = self.likelier() {
+            self.search.chosen = likelier;
+            self.weighed = self.weigh();
+        }
+        self
+    }
+
+    /// Each effect of the chosen model against what could stand in its place.
+    fn weigh(&self) -> Vec<Weighed<'a>> {
+        let chosen = &self.search.chosen;
+        let of = |k: usize| {
+            let mut theta = chosen.theta.clone();
+            theta.drain(chosen.model.place(k));
+            self.rivals(k, self.without(k, &theta))
+        };
+        (0..chosen.model.effects.len()).into_par_iter().map(of).collect()
+    }
+
+    /// The chosen model with a likelier effect in the place of one, where the whole record does not speak against it.
+    fn likelier(&self) -> Option<Fit<'a>> {
+        let (fitter, chosen) = (self.fitter, &self.search.chosen);
+        let best = self.weighed.iter().filter_map(|w| w.likelier.as_ref()).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let next = confirmed(fitter, fitter.refit(&best.1.model, &best.1.theta), false);
+        let whole = next.model.effects.len() == chosen.model.effects.len();
+        let carried = || held_out(fitter, &next, 4).rmse_bar() <= held_out(fitter, chosen, 4).rmse_bar();
+        (whole && posterior::shares(fitter, &[chosen, &next])[1] > 0.5 && carried()).then_some(next)
+    }
+
+    /// Effect number `k` of the chosen model against what could stand in its place.
+    fn rivals(&self, k: usize, without: Fit<'a>) -> Weighed<'a> {
         let fitter = self.where_searched();
-        let (chosen, without) = (&fitter.as_it_stands(&self.search.chosen), &fitter.as_it_stands(without));
+        let (chosen, there) = (&fitter.as_it_stands(&self.search.chosen), &fitter.as_it_stands(&without));
         let own = chosen.model.effects[k].id();
         // Those that came close in the round in which it was found; a class mate comes close in every round.
         let near: Vec<&'static dyn Effect> = self
@@ -272,7 +322,11 @@ impl<'a> Findings<'_, 'a> {
                 let mine = r.ranked.iter().find(|c| c.effect.id() == own).map_or(f64::INFINITY, |c| c.fit.bic(r.effective));
                 let gain = r.incumbent.bic(r.effective) - mine;
                 let close = NEAR * gain;
-                r.ranked.iter().filter(move |c| c.fit.bic(r.effective) < mine + close.max(fitter.criteria.very_strong)).map(|c| c.effect)
+                // Of those that are off no farther than the good valve is, none is better than another.
+                let known = self.good.map_or(0.0, |_| fitter.criteria.structure_known * fitter.floor_bar);
+                let near =
+                    move |c: &&Ranked<'a>| c.fit.bic(r.effective) < mine + close.max(fitter.criteria.very_strong) || c.fit.rmse_bar < known;
+                r.ranked.iter().filter(near).map(|c| c.effect)
             })
             .collect();
         let mut others: Vec<&'static dyn Effect> = Vec::new();
@@ -287,24 +341,46 @@ impl<'a> Findings<'_, 'a> {
             .par_iter()
             .map(|e| {
                 let ends: Vec<Vec<f64>> = self.search.rounds.iter().filter_map(|round| round.end_of(*e)).collect();
-                let screened = fitter.screen(&without.model.with(*e, 0.0), without, &ends);
+                let screened = fitter.screen(&there.model.with(*e, 0.0), there, &ends);
                 fitter.simplified(fitter.finish(screened, false))
             })
             .collect();
         let all: Vec<&Fit<'_>> = std::iter::once(chosen).chain(&fits).collect();
         let shares = posterior::shares(fitter, &all);
-        let mut rest: Vec<(f64, &str)> = shares[1..].iter().copied().zip(others.iter().map(|e| e.id())).collect();
+        if std::env::var_os("HIL_DBG").is_some() {
+            eprintln!(
+                "RIVALS of {own} (floor {:.4} noise {:.4} tau {:.1} eff {:.0} without {:.4}):",
+                fitter.floor_bar,
+                fitter.evidence.noise_bar,
+                fitter.tau_samples,
+                fitter.effective(),
+                there.rmse_bar
+            );
+            for (s, f) in shares.iter().zip(&all) {
+                eprintln!(
+                    "   {:<28} share {s:.4} rmse {:.4} scale {:.4} bic {:.1} prior {:.1} form {:.2}",
+                    f.model.effects.last().map_or("", |e| e.id()),
+                    f.rmse_bar,
+                    f.scale_bar,
+                    f.bic(fitter.effective()),
+                    f.prior_nats,
+                    posterior::of_form(fitter, f)
+                );
+            }
+        }
+        let mut rest: Vec<(f64, usize)> = shares[1..].iter().copied().zip(0..).collect();
         rest.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let likelier = rest.first().filter(|(share, _)| *share > shares[0]).map(|(share, k)| (*share, fits[*k].clone()));
         let mut held = shares[0];
         let mut members = Vec::new();
-        for (share, id) in rest {
+        for (share, k) in rest {
             if held >= fitter.criteria.credible || members.len() + 1 >= fitter.criteria.members {
                 break;
             }
             held += share;
-            members.push(id.to_string());
+            members.push(others[k].id().to_string());
         }
-        (shares[0], members)
+        Weighed { without, share: shares[0], rest: members, likelier }
     }
 
     /// The second best candidate of the first round that led to an effect.

@@ -1,5 +1,8 @@
 //! Every threshold on which a decision rests, in one value, each with its reason.
 
+/// Most effects that are claimed at once.
+pub const MOST_EFFECTS: usize = 3;
+
 /// The thresholds of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Criteria {
@@ -7,6 +10,13 @@ pub struct Criteria {
     pub very_strong: f64,
     /// A finding must lower the scale or the RMSE of the residual by this share: less is no use to anybody,
     pub worth: f64,
+    /// and by this share where it corrects the model by data of the good valve: every further search pays for it with each of its
+    /// simulations, and what stays is known as the model's own error.
+    pub worth_of_form: f64,
+    /// Most rounds of a search: two more than effects are claimed at once, as one may be dropped again,
+    pub rounds: usize,
+    /// and where the model is corrected by data of the good valve: one for the loop and one for the dynamics.
+    pub rounds_of_form: usize,
     /// what the new model explains beyond the old must have at least this RMS, in units of the floor,
     pub net: f64,
     /// and so must what the effect itself does to the pressure.
@@ -40,6 +50,9 @@ pub struct Criteria {
     pub structure_known: f64,
     /// The share of the record's rates that reference data must reach to speak for the model's dynamics.
     pub excites: f64,
+    /// The share of a movement's rate that its fastest one must reach to exclude what shows after such movements only: a dynamic
+    /// that is not linear goes over into another at about twice what was seen of it.
+    pub reaches: f64,
 }
 
 impl Default for Criteria {
@@ -47,6 +60,9 @@ impl Default for Criteria {
         Self {
             very_strong: 10.0,
             worth: 0.05,
+            worth_of_form: 0.1,
+            rounds: MOST_EFFECTS + 2,
+            rounds_of_form: 2,
             net: 0.75,
             trifle: 0.5,
             overwhelming: 150.0,
@@ -62,6 +78,7 @@ impl Default for Criteria {
             structure_named: 1.4,
             structure_known: 1.3,
             excites: 0.3,
+            reaches: 0.5,
         }
     }
 }

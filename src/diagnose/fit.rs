@@ -94,10 +94,10 @@ impl<'e> Fitter<'e> {
     }
 
     /// For the evidence without these samples.
-    pub fn without(evidence: &'e Evidence, left_out: Vec<usize>) -> Self {
+    pub fn without(evidence: &'e Evidence, left_out: &[usize]) -> Self {
         let mut fitter = Self::new(evidence);
         for k in left_out {
-            fitter.measured[k] = f64::NAN;
+            fitter.measured[*k] = f64::NAN;
         }
         fitter
     }

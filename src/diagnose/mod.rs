@@ -117,10 +117,16 @@ fn on_evidence(
     }
     let speaking = good::speaking(&evidence, good, &Criteria::default());
     let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
+    if let Some(good) = &good {
+        evidence.noise_of(&good.evidence);
+    }
     if let Some((base, good)) = evidence.base.as_mut().zip(good.as_ref().and_then(|g| g.evidence.base.as_ref())) {
         base.read_as(good.read());
     }
     let mut base = Model::base(good.as_ref().map_or(valve, |g| &g.valve)).map_err(model_error)?.on(&evidence);
+    if let Some(good) = &good {
+        base = base.off_by(good.form_error_bar());
+    }
     if evidence.is_slow() {
         base = base.of_process(evidence.step_s());
         evidence.notes.push(format!(
@@ -130,7 +136,7 @@ fn on_evidence(
     }
     evidence.notes.extend(valve.warnings());
     let unsettled = start::unsettled(&mut evidence, &base);
-    let mut fitter = Fitter::without(&evidence, unsettled);
+    let mut fitter = Fitter::without(&evidence, &unsettled);
     if let Some(good) = &good {
         fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());
     }
@@ -152,6 +158,7 @@ fn on_evidence(
     // What only the scatter shows is looked for about the best course.
     let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
     scattered.extend(late);
+    let null = search.null.clone();
     let findings = Findings {
         recording,
         given: &given,
@@ -159,12 +166,14 @@ fn on_evidence(
         good: good.as_ref(),
         fitter: &fitter,
         looking: looking.as_ref(),
-        search: &search,
-        scattered,
+        search,
+        scattered: &scattered,
+        unsettled: &unsettled,
+        weighed: Vec::new(),
     };
-    let mut found = findings.conclude();
+    let mut found = findings.weighed().conclude();
     if found.diagnosis.verdict != Verdict::Match {
-        found.diagnosis.coil_current = coil::coil_current(recording, &fitter, &search.null);
+        found.diagnosis.coil_current = coil::coil_current(recording, &fitter, &null);
         if let Some(coil) = &found.diagnosis.coil_current {
             found.diagnosis.summary = format!("{} {}", found.diagnosis.summary, coil.text());
         }

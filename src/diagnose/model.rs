@@ -97,6 +97,8 @@ pub struct Model<'a> {
     pub slowness: f64,
     /// Step of the recording where the base is a foreign model, of which gain, zero and delay alone can move [s].
     foreign_step_s: Option<f64>,
+    /// How far the model is off where nothing is wrong [bar].
+    form_error_bar: f64,
 }
 
 impl<'a> Model<'a> {
@@ -115,12 +117,19 @@ impl<'a> Model<'a> {
             lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S,
             slowness: 1.0,
             foreign_step_s: None,
+            form_error_bar: 0.0,
         })
     }
 
     /// This model about the base of the evidence, which may be a foreign one.
     pub fn on(self, evidence: &Evidence) -> Self {
         Self { foreign_step_s: evidence.base.as_ref().map(|_| evidence.step_s()), ..self }
+    }
+
+    /// This model, known to be off by so much where nothing is wrong [bar]: on another drive its gain and its zero may be off by
+    /// that, too.
+    pub fn off_by(self, form_error_bar: f64) -> Self {
+        Self { form_error_bar, ..self }
     }
 
     /// This model with no more lag than a slow sweep cannot see: a longer one, which an identification took in and the
@@ -202,11 +211,13 @@ impl<'a> Model<'a> {
             step,
             prior: Some(Prior { mean, sigma, heavy }),
         };
+        // Over the span of the curves, and at any of their points.
+        let (gain, offset) = (self.form_error_bar / (top - bottom).abs().max(1e-9), self.form_error_bar);
         let late_heavy = if self.valve.lag_s > self.lag_limit_s { Heavy::Both } else { Heavy::Below };
         let usual = Prior { mean: USUAL_LAG_S.0, sigma: CALIBRATION.lag, heavy: Heavy::Below };
         let mut base = Base {
-            gain: about(start.gain, 0.3, 1e-4, CALIBRATION.gain, Heavy::No),
-            offset: about(start.offset, 3.0 * part, 2e-3, CALIBRATION.offset * part, Heavy::No),
+            gain: about(start.gain, 0.3, 1e-4, CALIBRATION.gain.hypot(gain), Heavy::No),
+            offset: about(start.offset, 3.0 * part, 2e-3, (CALIBRATION.offset * part).hypot(offset), Heavy::No),
             width: about(start.width, 3.0 * part, 2e-3, CALIBRATION.width * part, Heavy::Both),
             ln_a: about(start.ln_a, 5.0, 0.02, CALIBRATION.ln_a, Heavy::Both),
             late: Free {

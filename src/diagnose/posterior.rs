@@ -4,6 +4,10 @@
 //! records of the same valve. Bagging mends that: the posterior is averaged over bootstrap samples of the blocks of the
 //! record, so that what a few stretches decide is not taken for decided (Huggins and Miller, Reproducible model selection
 //! using bagged posteriors, Bayesian Analysis 18 (2023) 79). Evidence is BIC on effective samples, as in the search.
+//!
+//! Where data of the good valve says how far a model is off when nothing is wrong, what is left on the record is noise in one
+//! part and that error of form in the other. Of the error of form only its size is known, and that within a factor: models that
+//! are off by no more than it cannot be told apart by being off less, as the more flexible of them has followed it.
 
 use rand::{RngExt, SeedableRng};
 
@@ -18,15 +22,26 @@ const BAGS: usize = 200;
 /// The share of each of `fits`; they sum to one.
 pub fn shares(fitter: &Fitter<'_>, fits: &[&Fit<'_>]) -> Vec<f64> {
     let block = blocks(fitter);
-    let parts: Vec<(Vec<f64>, f64)> = fits.iter().map(|fit| (by_block(fitter, fit, &block), price(fitter, fit))).collect();
+    let parts: Vec<(Vec<f64>, f64)> = fits.iter().map(|fit| (by_block(fitter, fit, &block), price(fitter, fit, &block))).collect();
     bagged(&parts)
+}
+
+/// The part of the error of a model that nothing is wrong with that is noise; the rest is form.
+fn noise_part(fitter: &Fitter<'_>) -> f64 {
+    (fitter.evidence.noise_bar / fitter.floor_bar).powi(2).min(1.0)
+}
+
+/// What an error of form makes of a fit that leaves more than it [nats]: its size on another record is known within a factor.
+pub fn of_form(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
+    let beyond = (fit.rmse_bar / fitter.floor_bar).ln().max(0.0);
+    0.5 * (1.0 - noise_part(fitter)) * (beyond / fitter.criteria.structure_known.ln()).powi(2)
 }
 
 /// Nats of each block, on effective samples: the mean of the two likelihoods of [`Fit::bic`].
 fn by_block(fitter: &Fitter<'_>, fit: &Fit<'_>, block: &[usize]) -> Vec<f64> {
     let mut residual = Vec::new();
     Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
-    let per_sample = fitter.effective() / fitter.used().max(1) as f64;
+    let per_sample = noise_part(fitter) * fitter.effective() / fitter.used().max(1) as f64;
     let (scale2, rmse2) = (fit.scale_bar.powi(2), fit.rmse_bar.powi(2));
     let mut sums = vec![0.0; block.last().map_or(0, |b| b + 1)];
     for (e, b) in residual.iter().zip(block).filter(|(e, _)| e.is_finite()) {
@@ -38,8 +53,11 @@ fn by_block(fitter: &Fitter<'_>, fit: &Fit<'_>, block: &[usize]) -> Vec<f64> {
 }
 
 /// What a model pays before any data [nats].
-fn price(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
-    fit.prior_nats - fit.model.signature_nats() + 0.5 * fit.model.extra_parameters() as f64 * fitter.effective().ln()
+fn price(fitter: &Fitter<'_>, fit: &Fit<'_>, block: &[usize]) -> f64 {
+    let (noise, blocks) = (noise_part(fitter), block.last().map_or(1.0, |b| *b as f64 + 1.0));
+    // An error of form is one draw in each block.
+    let effective = noise * fitter.effective() + (1.0 - noise) * blocks;
+    fit.prior_nats - fit.model.signature_nats() + 0.5 * fit.model.extra_parameters() as f64 * effective.ln() + of_form(fitter, fit)
 }
 
 /// Mean over bootstrap samples of the blocks of each model's posterior; `parts`: nats of each block, and the price.
@@ -67,6 +85,11 @@ fn bagged(parts: &[(Vec<f64>, f64)]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::course::{Input, Run};
+    use crate::diagnose::base::AT;
+    use crate::diagnose::evidence::{Evidence, MIDDLE};
+    use crate::diagnose::model::Model;
+    use crate::valve::Valve;
 
     #[test]
     fn equal_models_share_equally_and_a_better_one_everywhere_takes_all() {
@@ -77,6 +100,42 @@ mod tests {
         assert!(bagged(&[(even.clone(), 0.0), (better, 0.0)])[1] > 0.999);
         // A parameter more has its price.
         assert!(bagged(&[(even.clone(), 3.0), (even, 0.0)])[0] < 0.06);
+    }
+
+    #[test]
+    fn models_that_leave_less_than_the_good_valve_does_are_not_told_apart_by_it() {
+        let text = "schema = \"hil.valve/1\"\nname = \"test\"\ncurrent_limits = [\"0 A\", \"1 A\"]\nhysteresis = \"none\"\n\
+                    [curve]\nascending = [20.0, 0.0]\ndescending = [20.0, 0.0]\n";
+        let valve = Valve::from_toml(text, "test").unwrap();
+        let current: Vec<f64> = (0..6000).map(|k| 0.5 + 0.3 * (0.02 * k as f64).sin()).collect();
+        let wander = |k: usize| if (k / 40).is_multiple_of(2) { 0.1 } else { -0.1 };
+        let pressure = current.iter().enumerate().map(|(k, i)| 20.0 * i + wander(k)).collect();
+        let evidence = Evidence {
+            grids: vec![Run::even(None, 0.0, 0.01, current, pressure)],
+            noise_bar: 0.02,
+            input: Input::Held,
+            most_inner: crate::physics::MOST_INNER,
+            notes: Vec::new(),
+            start_shares: vec![MIDDLE],
+            base: None,
+        };
+        let base = Model::base(&valve).unwrap().on(&evidence);
+        let shares_at = |floor_bar: f64, gain: f64| {
+            let fitter = Fitter { floor_bar, ..Fitter::new(&evidence) };
+            let mut theta = base.calibrated();
+            let mut of = |gain: f64| {
+                theta[AT.gain] = gain;
+                let fit = fitter.score(&mut Simulator::new(&evidence), &base, &theta, &mut Vec::new());
+                Fit { prior_nats: 0.0, ..fit }
+            };
+            let (near, far) = (of(0.0), of(gain));
+            shares(&fitter, &[&near, &far])[1]
+        };
+        // 0.10 bar of RMSE against 0.14: decided where noise is all that there is, open where the good valve leaves 0.15 bar.
+        assert!(shares_at(0.02, 0.0095) < 0.01, "{}", shares_at(0.02, 0.0095));
+        assert!(shares_at(0.15, 0.0095) > 0.1, "{}", shares_at(0.15, 0.0095));
+        // Three times as far off as the good valve is another matter.
+        assert!(shares_at(0.15, 0.045) < 0.02, "{}", shares_at(0.15, 0.045));
     }
 
     #[test]

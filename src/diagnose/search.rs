@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::base::{AT, BASE};
+use super::criteria::MOST_EFFECTS;
 use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
 use super::heldout::{BLOCK_S, carried_forward, held_out};
@@ -11,8 +12,6 @@ use super::model::{Model, Simulator};
 use super::watch;
 use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 
-/// Most effects that are claimed at once.
-pub const MOST_EFFECTS: usize = 3;
 /// A candidate with this share of the best one's gain is as good.
 const AS_GOOD: f64 = 0.985;
 /// A difference of BIC that says nothing.
@@ -105,8 +104,12 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
     let mut null = fitter.recalibrate(base, &[]);
     let mut chosen = null.clone();
     let mut rounds: Vec<Round<'a>> = Vec::new();
-    // One round more than effects: an effect may be dropped again.
-    for _ in 0..MOST_EFFECTS + 2 {
+    for _ in 0..fitter.criteria.rounds {
+        // Where the good valve itself is off by as much, there is nothing left for a second cause.
+        let known = fitter.floor_bar > fitter.evidence.noise_bar;
+        if known && !chosen.model.effects.is_empty() && chosen.rmse_bar < fitter.criteria.structure_known * fitter.floor_bar {
+            break;
+        }
         let mut ranked = candidates(fitter, &chosen, rounds.last());
         if ranked.is_empty() {
             break;
@@ -138,7 +141,7 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
 /// The effects less those that held-out stretches do not confirm: the last one to have been found is looked at first. An
 /// effect that takes the place of a recalibration needs no gain of its own, nor does one with a signature. Where the search has
 /// looked at a part only, very strong evidence is asked for on all.
-fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'a> {
+pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'a> {
     let effective = fitter.effective();
     let mut k = fit.model.effects.len();
     while k > 0 {

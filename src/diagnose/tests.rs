@@ -211,6 +211,63 @@ fn what_the_good_valve_has_is_form_and_what_its_data_excludes_has_changed() {
 }
 
 #[test]
+fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
+    let disturbed = |mut of: Recording, by: &dyn Fn(f64) -> f64| {
+        let run = &mut of.runs[0];
+        let time_s = run.time_s.clone();
+        run.pressure_bar.iter_mut().flatten().zip(time_s).for_each(|(p, t)| *p += by(t));
+        of
+    };
+    // A wander that nothing in the library holds: of the good valve, or not.
+    let wanders = |t: f64| 0.5 * (0.9 * t + 2.0 * (0.23 * t).sin()).sin() * (0.61 * t).cos();
+    let (steady, restless) = (another_drive(&valve()), disturbed(another_drive(&valve()), &wanders));
+    let drifts = disturbed(recording(&valve()), &|t| 0.004 * t);
+    let found = |good: &Recording| diagnose_against(&drifts, &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
+    let changed = found(&steady);
+    assert!(changed.effects.iter().any(|f| f.claim == Claim::Changed), "{}", changed.summary);
+    let as_ever = found(&restless);
+    assert_eq!((as_ever.verdict, as_ever.effects.len()), (Verdict::Match, 0), "{}", as_ever.summary);
+}
+
+#[test]
+fn a_tone_between_the_samples_is_no_noise_where_the_good_valve_had_none() {
+    let mut hums = recording(&valve());
+    let run = &mut hums.runs[0];
+    let time_s = run.time_s.clone();
+    run.pressure_bar.iter_mut().flatten().zip(time_s).for_each(|(p, t)| *p += 0.6 * (2.0 * std::f64::consts::PI * 41.0 * t).sin());
+    let d = diagnose_against(&hums, &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+    assert!(d.rmse_bar.noise_floor < 2.0 * NOISE_BAR, "{}", d.rmse_bar.noise_floor);
+    assert_ne!(d.verdict, Verdict::Match, "{}", d.summary);
+    assert!(d.notes.iter().any(|n| n.contains("counts as an error")), "{:?}", d.notes);
+}
+
+#[test]
+fn what_shows_only_where_the_good_valve_was_never_driven_so_fast_is_no_change() {
+    let gentle = |of: &Valve| {
+        let mut recording = another_drive(of);
+        let run = &mut recording.runs[0];
+        // Over 1.2 s where the record takes 0.15 s.
+        let most_a = 0.005;
+        for k in 1..run.current_a.len() {
+            run.current_a[k] = run.current_a[k].clamp(run.current_a[k - 1] - most_a, run.current_a[k - 1] + most_a);
+        }
+        let mut random = rand_pcg::Pcg64::seed_from_u64(11);
+        let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+        let quiet = simulate(of, Input::Held, &run.time_s, &run.current_a).unwrap();
+        run.pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
+        recording
+    };
+    // The limit lies above what the gentle drive asks for, and below what the record does.
+    let mut limited = valve();
+    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 60.0, 1.0]));
+    let claimed = |good: &Recording| diagnose_against(&recording(&limited), &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
+    let lively = claimed(&another_drive(&valve()));
+    assert!(lively.effects.iter().any(|f| f.id == "flow_limit" && f.claim == Claim::Changed), "{}", lively.summary);
+    let unknown = claimed(&gentle(&valve()));
+    assert!(unknown.effects.iter().all(|f| f.claim == Claim::Lacks), "{}", unknown.summary);
+}
+
+#[test]
 fn a_model_of_held_commands_is_compared_with_held_commands() {
     let (time_s, current_a) = drive();
     let coarse = |values: Vec<f64>| values.into_iter().step_by(10).collect::<Vec<f64>>();
@@ -270,7 +327,7 @@ fn spoilt_readings_are_no_cause_where_most_of_the_error_lies_elsewhere() {
 
 #[test]
 fn the_measured_current_parts_what_lies_before_it_from_what_lies_behind() {
-    let side = |driver_lag_s: f64, chamber_lag_s: f64| {
+    let side_by = |driver_lag_s: f64, chamber_lag_s: f64, read: &dyn Fn(usize, f64) -> f64| {
         let mut of = recording(&valve());
         let run = &mut of.runs[0];
         let mut coil_a = run.current_a[0];
@@ -291,16 +348,21 @@ fn the_measured_current_parts_what_lies_before_it_from_what_lies_behind() {
         }
         let pressure = simulate(&true_valve, Input::Ramp, &run.time_s, &current).unwrap();
         run.pressure_bar = Some(pressure.iter().map(|p| p + sensor.sample(&mut random)).collect());
-        run.current_meas_a = Some(current.iter().map(|i| i + probe.sample(&mut random)).collect());
+        run.current_meas_a = Some(current.iter().enumerate().map(|(k, i)| read(k, i + probe.sample(&mut random))).collect());
         let found = diagnose(&of, &valve()).unwrap().diagnosis;
         let said = found.coil_current.map(|c| c.missing);
         assert_eq!(said.is_some(), found.summary.contains("measured coil current"), "{}", found.summary);
         said
     };
+    let side = |driver_lag_s, chamber_lag_s| side_by(driver_lag_s, chamber_lag_s, &|_, i| i);
     assert_eq!(side(0.15, 0.0), Some(Side::Before));
     assert_eq!(side(0.0, 0.15), Some(Side::Behind));
     assert_eq!(side(0.15, 0.15), Some(Side::Both));
     assert_eq!(side(0.0, 0.0), None);
+    // Milliamperes read as amperes, a sensor that hangs in the air, the current of another coil: nothing is said by them.
+    assert_eq!(side_by(0.0, 0.15, &|_, i| 1e3 * i), None);
+    assert_eq!(side_by(0.0, 0.15, &|k, _| 0.4 + 0.1 * ((k * 7919) % 101) as f64 / 101.0), None);
+    assert_eq!(side_by(0.15, 0.0, &|k, _| 0.5 + 0.3 * (0.031 * k as f64).sin()), None);
 }
 
 #[test]
