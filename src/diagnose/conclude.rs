@@ -56,7 +56,7 @@ pub struct Weighed<'a> {
     share: f64,
     /// The rest of the credible set, best first.
     rest: Vec<String>,
-    /// The rival of the largest share, where that is larger than its own.
+    /// The rival of the largest share, where that is much larger than its own.
     likelier: Option<(f64, Fit<'a>)>,
 }
 
@@ -310,7 +310,10 @@ impl<'a> Findings<'_, 'a> {
     /// Effect number `k` of the chosen model against what could stand in its place.
     fn rivals(&self, k: usize, without: Fit<'a>) -> Weighed<'a> {
         let fitter = self.where_searched();
-        let (chosen, there) = (&fitter.as_it_stands(&self.search.chosen), &fitter.as_it_stands(&without));
+        // Its rivals are fitted to what the search has looked at, and so is it.
+        let refitted = self.looking.map(|looking| looking.refit(&self.search.chosen.model, &self.search.chosen.theta));
+        let chosen = &refitted.unwrap_or_else(|| self.search.chosen.clone());
+        let there = &fitter.as_it_stands(&without);
         let own = chosen.model.effects[k].id();
         // Those that came close in the round in which it was found; a class mate comes close in every round.
         let near: Vec<&'static dyn Effect> = self
@@ -370,7 +373,8 @@ impl<'a> Findings<'_, 'a> {
         }
         let mut rest: Vec<(f64, usize)> = shares[1..].iter().copied().zip(0..).collect();
         rest.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let likelier = rest.first().filter(|(share, _)| *share > shares[0]).map(|(share, k)| (*share, fits[*k].clone()));
+        let likelier =
+            rest.first().filter(|(share, _)| *share > fitter.criteria.likelier * shares[0]).map(|(share, k)| (*share, fits[*k].clone()));
         let mut held = shares[0];
         let mut members = Vec::new();
         for (share, k) in rest {

@@ -35,6 +35,9 @@ pub struct Criteria {
     pub recalibrates: f64,
     /// Share of the posterior that a single name needs: more than all others together. Below it only the class is claimed.
     pub name_share: f64,
+    /// How many times as likely as the effect that was found a rival must be to take its place: three to one is the least that is
+    /// more than a bare mention (Kass and Raftery 1995).
+    pub likelier: f64,
     /// Posterior share of a credible set.
     pub credible: f64,
     /// Most members of a credible set: beyond four it says nothing.
@@ -71,6 +74,7 @@ impl Default for Criteria {
             explains: 0.8,
             recalibrates: 1.3,
             name_share: 0.5,
+            likelier: 3.0,
             credible: 0.9,
             members: 4,
             excluded_nats: 3.0,

@@ -125,7 +125,7 @@ fn on_evidence(
     }
     let mut base = Model::base(good.as_ref().map_or(valve, |g| &g.valve)).map_err(model_error)?.on(&evidence);
     if let Some(good) = &good {
-        base = base.off_by(good.form_error_bar());
+        base = base.off_by(good.form_error());
     }
     if evidence.is_slow() {
         base = base.of_process(evidence.step_s());
