@@ -8,14 +8,24 @@ use super::good::{Good, Price};
 use super::model::Simulator;
 use crate::physics::{Effect, Kind, effect};
 
+/// The same sensor on the same rig is not this much noisier from one recording to the next.
+const NOISIER: f64 = 2.0;
+
 impl Findings<'_, '_> {
+    /// What may be excused as noise [bar]: that of the record, or of the good valve where the record seems to be much noisier. A tone
+    /// between the samples, a loose contact or a worse sensor is what has changed, though a search had better not look into it.
+    pub fn noise_bar(&self) -> f64 {
+        let noise_bar = self.fitter.evidence.noise_bar;
+        self.good.map(|good| good.evidence.noise_bar).filter(|known_bar| noise_bar > NOISIER * known_bar).unwrap_or(noise_bar)
+    }
+
     /// What may be left beyond the noise without anything being wrong [bar]. Where a cause is named, the model with it
     /// claims to be right, and only the noise excuses it.
     pub fn accuracy_bar(&self, named: bool) -> f64 {
-        let (criteria, noise) = (&self.fitter.criteria, self.fitter.evidence.noise_bar);
+        let (criteria, noise) = (&self.fitter.criteria, self.noise_bar());
         if let Some(good) = self.good {
             let most = if named { criteria.structure_named } else { criteria.structure_known };
-            return ((most * self.fitter.floor_bar).powi(2) - noise * noise).max(0.0).sqrt().max(good.form_error_bar());
+            return ((most * noise.hypot(good.form_error_bar())).powi(2) - noise * noise).max(0.0).sqrt().max(good.form_error_bar());
         }
         let identified = self.base.valve.identification.as_ref().and_then(|i| i.rmse).map_or(0.0, crate::units::Pressure::value);
         // A poor fit at the identification is a reason for a diagnosis, not an excuse.

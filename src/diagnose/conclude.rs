@@ -94,7 +94,10 @@ impl<'a> Findings<'_, 'a> {
         let residual: Vec<f64> = counted.iter().zip(&augmented_bar).map(|(y, p)| y - p).collect();
         let standardised = self.standardised(&residual);
         let block = blocks(fitter);
-        let unexplained = remainder(evidence, &standardised, &augmented_bar, &block, self.accuracy_bar(!effects.is_empty()));
+        let unexplained = {
+            let allowed = (self.noise_bar(), self.accuracy_bar(!effects.is_empty()));
+            remainder(evidence, &standardised, &augmented_bar, &block, allowed)
+        };
         let verdict = match (effects.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Match,
             (true, true) => Verdict::Unexplained,
@@ -118,7 +121,7 @@ impl<'a> Findings<'_, 'a> {
             base_heldout: rms(&base_residual),
             refit_heldout: self.with_masked(&refit_held, &measured_all, &refit_bar),
             augmented_heldout: self.with_masked(&chosen_held, &measured_all, &augmented_bar),
-            noise_floor: evidence.noise_bar,
+            noise_floor: self.noise_bar(),
         };
         let recalibration = self.recalibration();
         let mut notes = evidence.notes.clone();
@@ -133,6 +136,13 @@ impl<'a> Findings<'_, 'a> {
             None => notes.push(
                 "whether the valve has changed is not said: a drive of the good valve with movements as fast as these would decide it (--reference GOOD.csv, or several recordings to `hil identify`)".into(),
             ),
+        }
+        if self.noise_bar() < evidence.noise_bar {
+            notes.push(format!(
+                "neighbouring readings differ as by a noise of {:.3} bar, on data of the good valve by one of {:.3} bar: what goes beyond that counts as an error, but no cause was looked for in it",
+                evidence.noise_bar,
+                self.noise_bar()
+            ));
         }
         if !fitter.found.is_empty() {
             let names = fitter.found.iter().map(|id| super::words::title(id)).collect::<Vec<_>>().join(" and ");
@@ -378,7 +388,9 @@ impl<'a> Findings<'_, 'a> {
         let mut held = shares[0];
         let mut members = Vec::new();
         for (share, k) in rest {
-            if held >= fitter.criteria.credible || members.len() + 1 >= fitter.criteria.members {
+            // Nothing that is likelier than the name itself may be missing.
+            let enough = held >= fitter.criteria.credible && share <= shares[0];
+            if enough || members.len() + 1 >= fitter.criteria.members {
                 break;
             }
             held += share;

@@ -11,8 +11,6 @@ const FEWEST_SAMPLES: usize = 200;
 
 /// Noise of a recording without any [bar].
 const LEAST_NOISE_BAR: f64 = 1e-6;
-/// The same sensor on the same rig is not this much noisier from one recording to the next.
-const NOISIER: f64 = 2.0;
 /// A recording with this step or a longer one shows a process [s].
 const SLOW_STEP_S: f64 = 0.25;
 /// A current that moves in fewer samples than this share is one of steps.
@@ -75,18 +73,6 @@ impl Evidence {
         self.notes.extend(notes);
         self.base = Some(base);
         Ok(valve)
-    }
-
-    /// Where this record is much noisier than the good valve's, its noise is that of the good valve: a tone between the samples, a
-    /// loose contact or a worse sensor is what has changed, and no excuse for it.
-    pub fn noise_of(&mut self, good: &Self) {
-        if self.noise_bar > NOISIER * good.noise_bar {
-            self.notes.push(format!(
-                "neighbouring readings differ as by a noise of {:.3} bar, on data of the good valve by one of {:.3} bar: what goes beyond that counts as an error",
-                self.noise_bar, good.noise_bar
-            ));
-            self.noise_bar = good.noise_bar;
-        }
     }
 
     /// This evidence with other runs, each with where the valve stands at first, simulated in at most so many inner steps.

@@ -11,7 +11,7 @@ use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
 use super::foreign::Foreign;
 use super::heldout::rms;
-use super::model::{FormError, Model, Simulator};
+use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
 use super::search::{recalibrated, search_in};
 use super::{comparable, start};
@@ -215,18 +215,6 @@ impl Good {
     /// How far the corrected model is off where nothing is wrong, beyond the noise of the good valve's data [bar].
     pub fn form_error_bar(&self) -> f64 {
         (self.worst_bar.powi(2) - self.evidence.noise_bar.powi(2)).max(0.0).sqrt()
-    }
-
-    /// The same, and the shift of time that would do as much.
-    pub fn form_error(&self) -> FormError {
-        let size_bar = self.form_error_bar();
-        let of_run = |run: &Run| {
-            let every = tenth(run.dt_s);
-            let moves = (every..run.len()).map(move |k| (run.pressure_bar[k] - run.pressure_bar[k - every]) / (every as f64 * run.dt_s));
-            moves.filter(|rate| rate.is_finite()).collect::<Vec<f64>>()
-        };
-        let rate = rms(&self.evidence.grids.iter().flat_map(of_run).collect::<Vec<f64>>());
-        FormError { size_bar, late_s: if rate > 0.0 { size_bar / rate } else { 0.0 } }
     }
 
     /// Which samples of `record` lie behind a movement so fast that this data shows nothing of the kind.

@@ -117,15 +117,12 @@ fn on_evidence(
     }
     let speaking = good::speaking(&evidence, good, &Criteria::default());
     let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
-    if let Some(good) = &good {
-        evidence.noise_of(&good.evidence);
-    }
     if let Some((base, good)) = evidence.base.as_mut().zip(good.as_ref().and_then(|g| g.evidence.base.as_ref())) {
         base.read_as(good.read());
     }
     let mut base = Model::base(good.as_ref().map_or(valve, |g| &g.valve)).map_err(model_error)?.on(&evidence);
     if let Some(good) = &good {
-        base = base.off_by(good.form_error());
+        base = base.off_by(good.form_error_bar());
     }
     if evidence.is_slow() {
         base = base.of_process(evidence.step_s());

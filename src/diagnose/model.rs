@@ -78,15 +78,6 @@ const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 /// How far a good calibration may be off. A slow sweep shows the sum of delay and lag well, and how it is split hardly.
 const CALIBRATION: Base<f64> = Base { gain: 0.003, offset: 0.03, width: 0.08, ln_a: 0.7, late: 0.0015, lag: USUAL_LAG_S.1 };
 
-/// How far a model is off where nothing is wrong.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct FormError {
-    /// In pressure, RMS [bar].
-    pub size_bar: f64,
-    /// The time by which a pressure that moves as the good valve's did would be shifted to be off by as much [s].
-    pub late_s: f64,
-}
-
 /// A base valve with a list of effects.
 #[derive(Clone)]
 pub struct Model<'a> {
@@ -106,8 +97,8 @@ pub struct Model<'a> {
     pub slowness: f64,
     /// Step of the recording where the base is a foreign model, of which gain, zero and delay alone can move [s].
     foreign_step_s: Option<f64>,
-    /// How far the model is off where nothing is wrong.
-    form_error: FormError,
+    /// How far the model is off where nothing is wrong [bar].
+    form_error_bar: f64,
 }
 
 impl<'a> Model<'a> {
@@ -126,7 +117,7 @@ impl<'a> Model<'a> {
             lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S,
             slowness: 1.0,
             foreign_step_s: None,
-            form_error: FormError::default(),
+            form_error_bar: 0.0,
         })
     }
 
@@ -135,10 +126,10 @@ impl<'a> Model<'a> {
         Self { foreign_step_s: evidence.base.as_ref().map(|_| evidence.step_s()), ..self }
     }
 
-    /// This model, known to be off by so much where nothing is wrong: on another drive its gain, its zero and its delay may be off by
+    /// This model, known to be off by so much where nothing is wrong [bar]: on another drive its gain and its zero may be off by
     /// that, too.
-    pub fn off_by(self, form_error: FormError) -> Self {
-        Self { form_error, ..self }
+    pub fn off_by(self, form_error_bar: f64) -> Self {
+        Self { form_error_bar, ..self }
     }
 
     /// This model with no more lag than a slow sweep cannot see: a longer one, which an identification took in and the
@@ -221,10 +212,9 @@ impl<'a> Model<'a> {
             prior: Some(Prior { mean, sigma, heavy }),
         };
         // Over the span of the curves, and at any of their points.
-        let FormError { size_bar: offset, late_s } = self.form_error;
-        let gain = offset / (top - bottom).abs().max(1e-9);
+        let (gain, offset) = (self.form_error_bar / (top - bottom).abs().max(1e-9), self.form_error_bar);
         let late_heavy = if self.valve.lag_s > self.lag_limit_s { Heavy::Both } else { Heavy::Below };
-        let usual = Prior { mean: USUAL_LAG_S.0, sigma: CALIBRATION.lag.hypot(self.form_error.late_s), heavy: Heavy::Below };
+        let usual = Prior { mean: USUAL_LAG_S.0, sigma: CALIBRATION.lag, heavy: Heavy::Below };
         let mut base = Base {
             gain: about(start.gain, 0.3, 1e-4, CALIBRATION.gain.hypot(gain), Heavy::No),
             offset: about(start.offset, 3.0 * part, 2e-3, (CALIBRATION.offset * part).hypot(offset), Heavy::No),
@@ -232,7 +222,7 @@ impl<'a> Model<'a> {
             ln_a: about(start.ln_a, 5.0, 0.02, CALIBRATION.ln_a, Heavy::Both),
             late: Free {
                 range: (0.0, start.late + 0.15 * self.slowness),
-                ..about(start.late, 0.0, 3e-4 * self.slowness, (CALIBRATION.late * self.slowness).hypot(late_s), late_heavy)
+                ..about(start.late, 0.0, 3e-4 * self.slowness, CALIBRATION.late * self.slowness, late_heavy)
             },
             lag: Free {
                 range: (0.0, self.lag_limit_s),

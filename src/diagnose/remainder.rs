@@ -23,9 +23,16 @@ struct Dependence {
     gain_bar: f64,
 }
 
-/// The remainder of a residual, or `None` where its RMS beyond the noise is below `accuracy_bar`.
-pub fn remainder(evidence: &Evidence, residual: &[f64], simulated_bar: &[f64], block: &[usize], accuracy_bar: f64) -> Option<Remainder> {
-    let beyond = (rms(residual).powi(2) - evidence.noise_bar.powi(2)).max(0.0).sqrt();
+/// The remainder of a residual, or `None` where its RMS beyond the noise is below what is allowed; `(noise_bar, accuracy_bar)`: the
+/// noise, and what may be left beyond it [bar].
+pub fn remainder(
+    evidence: &Evidence,
+    residual: &[f64],
+    simulated_bar: &[f64],
+    block: &[usize],
+    (noise_bar, accuracy_bar): (f64, f64),
+) -> Option<Remainder> {
+    let beyond = (rms(residual).powi(2) - noise_bar.powi(2)).max(0.0).sqrt();
     if beyond <= accuracy_bar {
         return None;
     }
