@@ -234,7 +234,7 @@ fn a_tone_between_the_samples_is_no_noise_where_the_good_valve_had_none() {
     let mut hums = recording(&valve());
     let run = &mut hums.runs[0];
     let time_s = run.time_s.clone();
-    run.pressure_bar.iter_mut().flatten().zip(time_s).for_each(|(p, t)| *p += 0.6 * (2.0 * std::f64::consts::PI * 41.0 * t).sin());
+    run.pressure_bar.iter_mut().flatten().zip(time_s).for_each(|(p, t)| *p += 1.5 * (2.0 * std::f64::consts::PI * 41.0 * t).sin());
     let d = diagnose_against(&hums, &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
     assert!(d.rmse_bar.noise_floor < 2.0 * NOISE_BAR, "{}", d.rmse_bar.noise_floor);
     assert_ne!(d.verdict, Verdict::Match, "{}", d.summary);
