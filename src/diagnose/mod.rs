@@ -39,6 +39,7 @@ mod start;
 mod stimuli;
 mod story;
 mod watch;
+mod weigh;
 mod words;
 
 pub use coil::{CoilCurrent, Side};

@@ -1,0 +1,126 @@
+//! Each effect that was found against what could stand in its place: its share, the rest of the credible set, and a likelier one
+//! where there is one.
+
+use rayon::prelude::*;
+
+use super::conclude::{Findings, Weighed};
+use super::fit::{Fit, Fitter};
+use super::heldout::held_out;
+use super::posterior;
+use super::search::{Ranked, confirmed};
+use crate::physics::{Effect, Kind};
+
+/// Part of the gain of an effect that a rival may miss after the search and still be fitted again in its place.
+const NEAR: f64 = 0.35;
+/// Most rivals that are fitted again.
+const MOST_FITTED: usize = 6;
+
+impl<'a> Findings<'_, 'a> {
+    /// The chosen model without its effect number `k`: refitted from `theta`, or as it stood in the search if that is better.
+    fn without(&self, k: usize, theta: &[f64]) -> Fit<'a> {
+        let effective = self.fitter.effective();
+        let refitted = self.fitter.refit(&self.search.chosen.model.without(k), theta);
+        let names = |fit: &Fit<'_>| fit.model.effects.iter().map(|e| e.id()).collect::<std::collections::BTreeSet<_>>();
+        let wanted = names(&refitted);
+        let rounds = if self.looking.is_some() { &[] } else { self.search.rounds.as_slice() };
+        let stood = rounds.iter().map(|r| &r.incumbent).filter(|fit| names(fit) == wanted);
+        stood.cloned().fold(refitted, |best, next| if next.bic(effective) < best.bic(effective) { next } else { best })
+    }
+
+    /// The fitter with which rivals are compared: that of the search.
+    pub fn where_searched(&self) -> &Fitter<'_> {
+        self.looking.unwrap_or(self.fitter)
+    }
+
+    /// With each effect weighed, and a likelier one in the place of one that has any.
+    pub fn weighed(mut self) -> Self {
+        self.weighed = self.weigh();
+        if let Some(likelier) = self.likelier() {
+            self.search.chosen = likelier;
+            self.weighed = self.weigh();
+        }
+        self
+    }
+
+    /// Each effect of the chosen model against what could stand in its place.
+    fn weigh(&self) -> Vec<Weighed<'a>> {
+        let chosen = &self.search.chosen;
+        let of = |k: usize| {
+            let mut theta = chosen.theta.clone();
+            theta.drain(chosen.model.place(k));
+            self.rivals(k, self.without(k, &theta))
+        };
+        (0..chosen.model.effects.len()).into_par_iter().map(of).collect()
+    }
+
+    /// The chosen model with a likelier effect in the place of one, where the whole record does not speak against it.
+    fn likelier(&self) -> Option<Fit<'a>> {
+        let (fitter, chosen) = (self.fitter, &self.search.chosen);
+        let best = self.weighed.iter().filter_map(|w| w.likelier.as_ref()).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let next = confirmed(fitter, fitter.refit(&best.1.model, &best.1.theta), false);
+        let whole = next.model.effects.len() == chosen.model.effects.len();
+        let carried = || held_out(fitter, &next, 4).rmse_bar() <= held_out(fitter, chosen, 4).rmse_bar();
+        (whole && posterior::shares(fitter, &[chosen, &next])[1] > 0.5 && carried()).then_some(next)
+    }
+
+    /// Effect number `k` of the chosen model against what could stand in its place.
+    fn rivals(&self, k: usize, without: Fit<'a>) -> Weighed<'a> {
+        let fitter = self.where_searched();
+        // Its rivals are fitted to what the search has looked at, and so is it.
+        let refitted = self.looking.map(|looking| looking.refit(&self.search.chosen.model, &self.search.chosen.theta));
+        let chosen = &refitted.unwrap_or_else(|| self.search.chosen.clone());
+        let there = &fitter.as_it_stands(&without);
+        let own = chosen.model.effects[k].id();
+        // Those that came close in the round in which it was found; a class mate comes close in every round.
+        let near: Vec<&'static dyn Effect> = self
+            .search
+            .rounds
+            .iter()
+            .filter(|r| r.ranked.iter().any(|c| c.effect.id() == own))
+            .flat_map(|r| {
+                let mine = r.ranked.iter().find(|c| c.effect.id() == own).map_or(f64::INFINITY, |c| c.fit.bic(r.effective));
+                let gain = r.incumbent.bic(r.effective) - mine;
+                let close = NEAR * gain;
+                // Of those that are off no farther than the good valve is, none is better than another.
+                let known = self.good.map_or(0.0, |_| fitter.criteria.structure_known * fitter.floor_bar);
+                let near =
+                    move |c: &&Ranked<'a>| c.fit.bic(r.effective) < mine + close.max(fitter.criteria.very_strong) || c.fit.rmse_bar < known;
+                r.ranked.iter().filter(near).map(|c| c.effect)
+            })
+            .collect();
+        let mut others: Vec<&'static dyn Effect> = Vec::new();
+        for e in near {
+            let new = !others.iter().any(|n| n.id() == e.id()) && !chosen.model.effects.iter().any(|have| have.id() == e.id());
+            if e.kind() == Kind::Course && new {
+                others.push(e);
+            }
+        }
+        others.truncate(MOST_FITTED);
+        let fits: Vec<Fit<'a>> = others
+            .par_iter()
+            .map(|e| {
+                let ends: Vec<Vec<f64>> = self.search.rounds.iter().filter_map(|round| round.end_of(*e)).collect();
+                let screened = fitter.screen(&there.model.with(*e, 0.0), there, &ends);
+                fitter.simplified(fitter.finish(screened, false))
+            })
+            .collect();
+        let all: Vec<&Fit<'_>> = std::iter::once(chosen).chain(&fits).collect();
+        let shares = posterior::shares(fitter, &all);
+        let mut rest: Vec<(f64, usize)> = shares[1..].iter().copied().zip(0..).collect();
+        rest.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let likelier =
+            rest.first().filter(|(share, _)| *share > fitter.criteria.likelier * shares[0]).map(|(share, k)| (*share, fits[*k].clone()));
+        let mut held = shares[0];
+        let mut members = Vec::new();
+        for (share, k) in rest {
+            // Nothing that is likelier than the name itself may be missing.
+            let enough = held >= fitter.criteria.credible && share <= shares[0];
+            if enough || members.len() + 1 >= fitter.criteria.members {
+                break;
+            }
+            held += share;
+            members.push(others[k].id().to_string());
+        }
+        Weighed { without, share: shares[0], rest: members, likelier }
+    }
+}
