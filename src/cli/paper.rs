@@ -264,7 +264,7 @@ Feedback takes a static error away within seconds, so a wrong curve alone cannot
 something that feedback cannot reach. Dead time, lag, noise and ripple are such, and the six figures do not tell which: many sets
 come within 25 mbar, and a fifth or sixth parameter buys some millibars. Of the sets of at most four, the one shown is nearest to
 Figs. 5 and 7, which the search did not see: there the paper gives its model the measured current, and what happens before that
-current does not count. It needs three.
+current does not count. It needs four.
 
 ";
 

@@ -233,10 +233,11 @@ fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
 fn noise_that_the_good_valve_did_not_have_is_no_excuse() {
     let mut rough = recording(&valve());
     let mut random = rand_pcg::Pcg64::seed_from_u64(12);
-    let more = Normal::new(0.0, 4.0 * NOISE_BAR).unwrap();
+    let more = Normal::new(0.0, 8.0 * NOISE_BAR).unwrap();
     rough.runs[0].pressure_bar.iter_mut().flatten().for_each(|p| *p += more.sample(&mut random));
     let d = diagnose_against(&rough, &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
-    assert!(d.rmse_bar.noise_floor < 1.5 * NOISE_BAR, "{}", d.rmse_bar.noise_floor);
+    // Fast movements count for noise in part.
+    assert!(d.rmse_bar.noise_floor < 3.0 * NOISE_BAR, "{}", d.rmse_bar.noise_floor);
     assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{}", d.summary);
     assert!(d.notes.iter().any(|n| n.contains("counts as an error")), "{:?}", d.notes);
     // Without that data nobody knows what noise the sensor has.
