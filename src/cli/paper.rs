@@ -248,7 +248,16 @@ fn clutches(out: &mut String, plans: &Path) -> Result<(), CliError> {
         let _ = writeln!(out, "- {clutch}: noise {:.3} bar, {}", valve.noise_bar, effects.join("; "));
     }
     out.push_str(TABLE_1_TAIL);
+    let needed = parameters(&load(CLUTCHES[0])?, &load(CLUTCHES[1])?);
+    let _ = writeln!(out, " It needs {needed}.\n");
     Ok(())
+}
+
+/// Fitted parameters of two clutches: what both have alike is one, what each has of its own two.
+fn parameters(first: &Valve, second: &Valve) -> usize {
+    let values = |valve: &Valve| valve.effects.iter().flat_map(|e| e.parameters.clone()).collect::<Vec<_>>();
+    let both: Vec<_> = values(first).into_iter().zip(values(second)).collect();
+    both.len() + both.iter().filter(|(a, b)| a != b).count()
 }
 
 const TABLE_1_HEAD: &str = "## Table 1: two clutches, three controllers
@@ -264,9 +273,7 @@ Feedback takes a static error away within seconds, so a wrong curve alone cannot
 something that feedback cannot reach. Dead time, lag, noise and ripple are such, and the six figures do not tell which: many sets
 come within 25 mbar, and a fifth or sixth parameter buys some millibars. Of the sets of at most four, the one shown is nearest to
 Figs. 5 and 7, which the search did not see: there the paper gives its model the measured current, and what happens before that
-current does not count. It needs four.
-
-";
+current does not count.";
 
 fn errors(out: &mut String, plans: &Path) -> Result<(), CliError> {
     out.push_str("## Figures that the search did not see\n\nThe same valves. Figs. 5 to 7: RMSE of the model for the same measured current, so without what stands between the command and\nthat current; which clutch they show, the paper does not say. The others: the pressure against the target delayed by the dead time.\n\n");
