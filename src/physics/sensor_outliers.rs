@@ -68,7 +68,7 @@ impl Effect for SensorOutliers {
                 continue;
             }
             around.sort_by(f64::total_cmp);
-            let middle = 0.5 * (around[around.len() / 2] + around[(around.len() - 1) / 2]);
+            let middle = median(&around);
             // How unsure the neighbourhood itself is: its own spread, and how fast the pressure moves there.
             let unrest = around[around.len() - 2] - around[1];
             let slope = (k - REACH..k + REACH).map(|j| (of.simulated_bar[j + 1] - of.simulated_bar[j]).abs()).fold(0.0, f64::max);
@@ -78,10 +78,14 @@ impl Effect for SensorOutliers {
                 sizes.push(away);
             }
         }
+        let single = masked.len();
         for (burst, middle) in bursts(of, &error) {
-            let new = burst.filter(|k| error[*k].is_finite() && !masked.contains(k)).collect::<Vec<usize>>();
-            sizes.extend(new.iter().map(|k| error[*k] - middle));
-            masked.extend(new);
+            for k in burst.filter(|k| error[*k].is_finite()) {
+                if masked[..single].binary_search(&k).is_err() {
+                    masked.push(k);
+                    sizes.push(error[k] - middle);
+                }
+            }
         }
         let n = error.iter().filter(|e| e.is_finite()).count();
         if masked.len() < FEWEST || masked.len() > n / 10 {
@@ -173,8 +177,12 @@ fn course(errors: &[f64]) -> Option<(f64, f64)> {
     let mut sorted = errors.to_vec();
     sorted.sort_by(f64::total_cmp);
     let (low, high) = (sorted[0], sorted[sorted.len() - 1]);
-    let middle = 0.5 * (sorted[sorted.len() / 2] + sorted[(sorted.len() - 1) / 2]);
-    (high - low).is_finite().then_some((middle, high - low))
+    (high - low).is_finite().then(|| (median(&sorted), high - low))
+}
+
+/// The median of sorted values.
+fn median(sorted: &[f64]) -> f64 {
+    0.5 * (sorted[sorted.len() / 2] + sorted[(sorted.len() - 1) / 2])
 }
 
 /// Whether readings are all the same, to the last digit.
