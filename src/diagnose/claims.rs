@@ -8,15 +8,19 @@ use super::good::{Good, Price};
 use super::model::Simulator;
 use crate::physics::{Effect, Kind, effect};
 
-/// The same sensor on the same rig is not this much noisier from one recording to the next.
+/// The same sensor on the same rig is not this much noisier from one recording to the next;
 const NOISIER: f64 = 2.0;
+/// and one that is this much quieter was simulated or smoothed, and says nothing of noise: a sensor whose noise has grown so much
+/// would not follow its pressure any more.
+const SMOOTHED: f64 = 30.0;
 
 impl Findings<'_, '_> {
     /// What may be excused as noise [bar]: that of the record, or of the good valve where the record seems to be much noisier. A tone
     /// between the samples, a loose contact or a worse sensor is what has changed, though a search had better not look into it.
     pub fn noise_bar(&self) -> f64 {
         let noise_bar = self.fitter.evidence.noise_bar;
-        self.good.map(|good| good.evidence.noise_bar).filter(|known_bar| noise_bar > NOISIER * known_bar).unwrap_or(noise_bar)
+        let noisier = |known_bar: &f64| (NOISIER * known_bar..SMOOTHED * known_bar).contains(&noise_bar);
+        self.good.map(|good| good.evidence.noise_bar).filter(noisier).unwrap_or(noise_bar)
     }
 
     /// What may be left beyond the noise without anything being wrong [bar]. Where a cause is named, the model with it
@@ -52,22 +56,19 @@ impl Findings<'_, '_> {
         })
     }
 
-    /// Whether the record is no farther off the model, as data of the good valve has it and without any refit, than that data is.
-    fn is_as_known(&self) -> bool {
+    /// The data of the good valve, unless the record is no farther off the model, as that data has it and without any refit, than that
+    /// data is: nothing has changed then.
+    pub fn good_of_another_state(&self) -> Option<&Good> {
         let (fitter, base) = (self.fitter, self.base);
         let found = fitter.score(&mut Simulator::new(fitter.evidence), base, &base.calibrated(), &mut Vec::new());
-        found.rmse_bar < fitter.criteria.structure_known * fitter.floor_bar
+        self.good.filter(|_| found.rmse_bar >= fitter.criteria.structure_known * fitter.floor_bar)
     }
 
     /// Whether most of what the chosen model gains over `without` lies behind movements of which data of the good valve shows none:
     /// what that data would do there, nobody knows.
     fn shows_where_unseen(&self, good: &Good, without: &Fit<'_>) -> bool {
         let fitter = self.fitter;
-        let residual = |fit: &Fit<'_>| {
-            let mut residual = Vec::new();
-            Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
-            residual
-        };
+        let residual = |fit: &Fit<'_>| self.residual(&self.simulated(fit));
         let gains = residual(without).into_iter().zip(residual(&self.search.chosen)).map(|(a, b)| a * a - b * b);
         let (mut unseen, mut all) = (0.0, 0.0);
         for (gain, new) in gains.zip(good.has_not_seen(fitter.evidence, &fitter.criteria)).filter(|(g, _)| g.is_finite()) {
@@ -77,15 +78,12 @@ impl Findings<'_, '_> {
         unseen > 0.5 * all
     }
 
-    /// Whether data of the good valve excludes effect number `k` of the chosen model; `without`: the model without it;
-    /// `gain_bar`: the interval of its gain on held-out data.
-    pub fn claim(&self, k: usize, without: &Fit<'_>, gain_bar: Option<(f64, f64)>) -> Claim {
+    /// Whether data of a good valve excludes effect number `k` of the chosen model; `good`: that data, where it is of another state than
+    /// the record; `without`: the model without the effect; `gain_bar`: the interval of its gain on held-out data.
+    pub fn claim(&self, k: usize, good: Option<&Good>, without: &Fit<'_>, gain_bar: Option<(f64, f64)>) -> Claim {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
-        let Some(good) = self.good else { return Claim::Lacks };
-        if self.is_as_known() || self.shows_where_unseen(good, without) {
-            return Claim::Lacks;
-        }
+        let Some(good) = good.filter(|good| !self.shows_where_unseen(good, without)) else { return Claim::Lacks };
         // A loop whose form had to be corrected by the same effect already has changed its form only on paper.
         if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
             return Claim::Lacks;

@@ -55,13 +55,15 @@ pub struct Weighed<'a> {
 }
 
 impl<'a> Findings<'_, 'a> {
-    fn simulated(&self, fit: &Fit<'_>) -> Vec<f64> {
+    /// The pressure of a fit [bar].
+    pub fn simulated(&self, fit: &Fit<'_>) -> Vec<f64> {
         let mut out = Vec::new();
         Simulator::new(self.fitter.evidence).pressure(&fit.model, &fit.theta, &mut out);
         out
     }
 
-    fn residual(&self, simulated: &[f64]) -> Vec<f64> {
+    /// Measured minus simulated; NaN where masked [bar].
+    pub fn residual(&self, simulated: &[f64]) -> Vec<f64> {
         self.fitter.measured.iter().zip(simulated).map(|(y, p)| y - p).collect()
     }
 
@@ -88,10 +90,8 @@ impl<'a> Findings<'_, 'a> {
         let residual: Vec<f64> = counted.iter().zip(&augmented_bar).map(|(y, p)| y - p).collect();
         let standardised = self.standardised(&residual);
         let block = blocks(fitter);
-        let unexplained = {
-            let allowed = (self.noise_bar(), self.accuracy_bar(!effects.is_empty()));
-            remainder(evidence, &standardised, &augmented_bar, &block, allowed)
-        };
+        let allowed_bar = (self.noise_bar(), self.accuracy_bar(!effects.is_empty()));
+        let unexplained = remainder(evidence, &standardised, &augmented_bar, &block, allowed_bar);
         let verdict = match (effects.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Match,
             (true, true) => Verdict::Unexplained,
@@ -226,6 +226,7 @@ impl<'a> Findings<'_, 'a> {
         let (fitter, chosen) = (self.fitter, &self.search.chosen);
         let errors = fitter.standard_errors(chosen);
         let effective = fitter.effective();
+        let good = self.good_of_another_state();
         (0..chosen.model.effects.len())
             .into_par_iter()
             .map(|k| {
@@ -242,7 +243,7 @@ impl<'a> Findings<'_, 'a> {
                     })
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
-                let claim = self.claim(k, without, interval);
+                let claim = self.claim(k, good, without, interval);
                 let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (

@@ -76,28 +76,14 @@ fn inverse(normal: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::course::{Input, Run};
     use crate::diagnose::base::AT;
-    use crate::diagnose::evidence::{Evidence, MIDDLE};
+    use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
     use crate::diagnose::model::Model;
-    use crate::valve::Valve;
 
     /// Standard error of the gain of a straight line whose readings are off by `error_bar`, at a sample and its time.
     fn of_gain(error_bar: impl Fn(usize, f64) -> f64) -> f64 {
-        let text = "schema = \"hil.valve/1\"\nname = \"test\"\ncurrent_limits = [\"0 A\", \"1 A\"]\nhysteresis = \"none\"\n\
-                    [curve]\nascending = [20.0, 0.0]\ndescending = [20.0, 0.0]\n";
-        let valve = Valve::from_toml(text, "test").unwrap();
-        let current: Vec<f64> = (0..12_000).map(|k| 0.5 + 0.3 * (0.01 * k as f64 * 2.0).sin()).collect();
-        let pressure = current.iter().enumerate().map(|(k, i)| 20.0 * i + error_bar(k, *i)).collect();
-        let evidence = Evidence {
-            grids: vec![Run::even(None, 0.0, 0.01, current, pressure)],
-            noise_bar: 0.02,
-            input: Input::Held,
-            most_inner: crate::physics::MOST_INNER,
-            notes: Vec::new(),
-            start_shares: vec![MIDDLE],
-            base: None,
-        };
+        let valve = straight();
+        let evidence = held(vec![straight_run(waves(12_000), error_bar)]);
         let base = Model::base(&valve).unwrap().on(&evidence);
         let fitter = Fitter { tau_samples: 1.0, squared: true, ..Fitter::new(&evidence) };
         let fit = fitter.refit(&base, &base.calibrated());

@@ -40,6 +40,12 @@ pub struct Evidence {
 }
 
 impl Evidence {
+    /// Runs as they are, each from a start of which nothing is known, simulated as finely as their physics asks for.
+    pub fn new(grids: Vec<Run>, noise_bar: f64, input: Input) -> Self {
+        let start_shares = vec![MIDDLE; grids.len()];
+        Self { grids, noise_bar, input, most_inner: MOST_INNER, notes: Vec::new(), start_shares, base: None }
+    }
+
     /// Takes a recording that is made ready.
     ///
     /// # Errors
@@ -51,17 +57,8 @@ impl Evidence {
             carries => carries?,
         }
         // What nothing at all disturbs would make every trifle evidence without end.
-        let start_shares = vec![MIDDLE; course.runs.len()];
         let noise_bar = course.noise.bar.max(LEAST_NOISE_BAR);
-        Ok(Self {
-            noise_bar,
-            grids: course.runs,
-            input: course.input,
-            notes: course.notes,
-            start_shares,
-            most_inner: MOST_INNER,
-            base: None,
-        })
+        Ok(Self { notes: course.notes, ..Self::new(course.runs, noise_bar, course.input) })
     }
 
     /// From now on a foreign model is the base; the valve that stands for it.
@@ -128,5 +125,34 @@ impl Evidence {
     /// The measured pressures of all runs, one after the other.
     pub fn pressure_bar(&self) -> Vec<f64> {
         self.grids.iter().flat_map(|g| g.pressure_bar.iter().copied()).collect()
+    }
+}
+
+/// What the tests of several files look at: a valve of one straight line, and runs of it.
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    /// A valve of 20 bar/A without hysteresis, delay or lag.
+    pub fn straight() -> Valve {
+        let text = "schema = \"hil.valve/1\"\nname = \"test\"\ncurrent_limits = [\"0 A\", \"1 A\"]\nhysteresis = \"none\"\n\
+                    [curve]\nascending = [20.0, 0.0]\ndescending = [20.0, 0.0]\n";
+        Valve::from_toml(text, "test").unwrap()
+    }
+
+    /// A run of it in steps of 10 ms whose readings are off by `error_bar`, at a sample and its current.
+    pub fn straight_run(current_a: Vec<f64>, error_bar: impl Fn(usize, f64) -> f64) -> Run {
+        let pressure = current_a.iter().enumerate().map(|(k, i)| 20.0 * i + error_bar(k, *i)).collect();
+        Run::even(None, 0.0, 0.01, current_a, pressure)
+    }
+
+    /// A slow current between 0.2 A and 0.8 A.
+    pub fn waves(samples: usize) -> Vec<f64> {
+        (0..samples).map(|k| 0.5 + 0.3 * (0.02 * k as f64).sin()).collect()
+    }
+
+    /// Runs of held commands with a noise of 20 mbar.
+    pub fn held(grids: Vec<Run>) -> Evidence {
+        Evidence::new(grids, 0.02, Input::Held)
     }
 }

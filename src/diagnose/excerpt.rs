@@ -102,15 +102,7 @@ mod tests {
     fn evidence(samples: usize, dt_s: f64) -> Evidence {
         let current: Vec<f64> = (0..samples).map(|k| 0.5 + 0.3 * (k as f64 * dt_s).sin()).collect();
         let pressure = current.iter().map(|i| 20.0 * i).collect();
-        Evidence {
-            grids: vec![Run::even(None, 0.0, dt_s, current, pressure)],
-            noise_bar: 0.02,
-            input: Input::Ramp,
-            most_inner: crate::physics::MOST_INNER,
-            notes: Vec::new(),
-            start_shares: vec![MIDDLE],
-            base: None,
-        }
+        Evidence::new(vec![Run::even(None, 0.0, dt_s, current, pressure)], 0.02, Input::Ramp)
     }
 
     #[test]

@@ -278,8 +278,7 @@ const BETWEEN: [f64; 3] = [0.3, 0.6, 1.0];
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::course::Input;
-    use crate::diagnose::evidence::MIDDLE;
+    use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
 
     #[test]
     fn a_movement_twice_as_fast_as_any_of_the_good_valve_is_unseen_for_half_a_second() {
@@ -288,15 +287,7 @@ mod tests {
             let current: Vec<f64> = (0..600).map(|k: usize| 0.3 + 0.3 * (k.saturating_sub(200) as f64 / within as f64).min(1.0)).collect();
             Run::even(None, 0.0, 0.01, current.clone(), current)
         };
-        let evidence = |within: usize| Evidence {
-            grids: vec![run(within)],
-            noise_bar: 0.02,
-            input: Input::Held,
-            most_inner: crate::physics::MOST_INNER,
-            notes: Vec::new(),
-            start_shares: vec![MIDDLE],
-            base: None,
-        };
+        let evidence = |within: usize| held(vec![run(within)]);
         let unseen = |good: usize, record: usize| {
             let all = not_seen(&evidence(good), &evidence(record), &Criteria::default());
             (all.iter().position(|u| *u), all.iter().filter(|u| **u).count())
@@ -309,23 +300,10 @@ mod tests {
 
     #[test]
     fn a_model_is_known_no_better_than_on_the_run_that_it_fits_worst() {
-        let text = "schema = \"hil.valve/1\"\nname = \"test\"\ncurrent_limits = [\"0 A\", \"1 A\"]\nhysteresis = \"none\"\n\
-                    [curve]\nascending = [20.0, 0.0]\ndescending = [20.0, 0.0]\n";
-        let valve = Valve::from_toml(text, "test").unwrap();
-        let run = |samples: usize, error_bar: f64| {
-            let current: Vec<f64> = (0..samples).map(|k| 0.5 + 0.3 * (0.01 * k as f64).sin()).collect();
-            let pressure = current.iter().enumerate().map(|(k, i)| 20.0 * i + if k % 2 == 0 { error_bar } else { -error_bar }).collect();
-            Run::even(None, 0.0, 0.01, current, pressure)
-        };
-        let evidence = Evidence {
-            grids: vec![run(9000, 0.02), run(1000, 0.3)],
-            noise_bar: 0.02,
-            input: Input::Held,
-            most_inner: crate::physics::MOST_INNER,
-            notes: Vec::new(),
-            start_shares: vec![MIDDLE; 2],
-            base: None,
-        };
+        let valve = straight();
+        let run =
+            |samples: usize, error_bar: f64| straight_run(waves(samples), move |k, _| if k % 2 == 0 { error_bar } else { -error_bar });
+        let evidence = held(vec![run(9000, 0.02), run(1000, 0.3)]);
         let base = Model::base(&valve).unwrap().on(&evidence);
         let fitter = Fitter::new(&evidence);
         let fit = fitter.score(&mut Simulator::new(&evidence), &base, &base.calibrated(), &mut Vec::new());

@@ -85,11 +85,9 @@ fn bagged(parts: &[(Vec<f64>, f64)]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::course::{Input, Run};
     use crate::diagnose::base::AT;
-    use crate::diagnose::evidence::{Evidence, MIDDLE};
+    use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
     use crate::diagnose::model::Model;
-    use crate::valve::Valve;
 
     #[test]
     fn equal_models_share_equally_and_a_better_one_everywhere_takes_all() {
@@ -104,21 +102,9 @@ mod tests {
 
     #[test]
     fn models_that_leave_less_than_the_good_valve_does_are_not_told_apart_by_it() {
-        let text = "schema = \"hil.valve/1\"\nname = \"test\"\ncurrent_limits = [\"0 A\", \"1 A\"]\nhysteresis = \"none\"\n\
-                    [curve]\nascending = [20.0, 0.0]\ndescending = [20.0, 0.0]\n";
-        let valve = Valve::from_toml(text, "test").unwrap();
-        let current: Vec<f64> = (0..6000).map(|k| 0.5 + 0.3 * (0.02 * k as f64).sin()).collect();
-        let wander = |k: usize| if (k / 40).is_multiple_of(2) { 0.1 } else { -0.1 };
-        let pressure = current.iter().enumerate().map(|(k, i)| 20.0 * i + wander(k)).collect();
-        let evidence = Evidence {
-            grids: vec![Run::even(None, 0.0, 0.01, current, pressure)],
-            noise_bar: 0.02,
-            input: Input::Held,
-            most_inner: crate::physics::MOST_INNER,
-            notes: Vec::new(),
-            start_shares: vec![MIDDLE],
-            base: None,
-        };
+        let valve = straight();
+        let wander = |k: usize, _| if (k / 40).is_multiple_of(2) { 0.1 } else { -0.1 };
+        let evidence = held(vec![straight_run(waves(6000), wander)]);
         let base = Model::base(&valve).unwrap().on(&evidence);
         let shares_at = |floor_bar: f64, gain: f64| {
             let fitter = Fitter { floor_bar, ..Fitter::new(&evidence) };

@@ -2,7 +2,7 @@
 //! frequency, before and after, and the signature of what was found.
 
 use super::diagnosis::{Curves, Diagnosed};
-use super::evidence::{Evidence, MIDDLE};
+use super::evidence::Evidence;
 use super::locate::{Variable, bins, variables};
 use super::signature::{Signature, label, signatures};
 use crate::course::Run;
@@ -88,16 +88,7 @@ pub fn story(found: &Diagnosed) -> Story {
     let error = |model: &[f64]| curves.measured_bar.iter().zip(model).map(|(y, p)| y - p).collect::<Vec<f64>>();
     let (base, augmented) = (error(&curves.base_bar), error(&curves.augmented_bar));
     let grids = grids(curves);
-    let start_shares = vec![MIDDLE; grids.len()];
-    let evidence = Evidence {
-        grids,
-        noise_bar,
-        input: crate::course::Input::default(),
-        most_inner: crate::physics::MOST_INNER,
-        notes: Vec::new(),
-        start_shares,
-        base: None,
-    };
+    let evidence = Evidence::new(grids, noise_bar, crate::course::Input::default());
     let mut all = variables(&evidence, &curves.base_bar);
     let (rate, direction) = movement(&evidence, &curves.base_bar);
     let strips = all.iter().map(|v| strip(v, &base, &augmented)).filter(|s| s.cells.len() > 1).collect();

@@ -240,6 +240,12 @@ fn noise_that_the_good_valve_did_not_have_is_no_excuse() {
     assert!(d.rmse_bar.noise_floor < 3.0 * NOISE_BAR, "{}", d.rmse_bar.noise_floor);
     assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{}", d.summary);
     assert!(d.notes.iter().any(|n| n.contains("counts as an error")), "{:?}", d.notes);
+    // A simulation, or a log that was smoothed, is no word of the sensor's noise.
+    let mut smooth = another_drive(&valve());
+    let run = &mut smooth.runs[0];
+    run.pressure_bar = Some(simulate(&valve(), Input::Held, &run.time_s, &run.current_a).unwrap());
+    let healthy = diagnose_against(&recording(&valve()), &valve(), &[smooth]).unwrap().diagnosis;
+    assert_eq!(healthy.verdict, Verdict::Match, "{}", healthy.summary);
     // Without that data nobody knows what noise the sensor has.
     assert_eq!(diagnose(&rough, &valve()).unwrap().diagnosis.verdict, Verdict::Match);
 }

@@ -45,10 +45,13 @@ impl<'a> Findings<'_, 'a> {
     /// Each effect of the chosen model against what could stand in its place.
     fn weigh(&self) -> Vec<Weighed<'a>> {
         let chosen = &self.search.chosen;
+        // Its rivals are fitted to what the search has looked at, and so is it.
+        let refitted = self.looking.map(|looking| looking.refit(&chosen.model, &chosen.theta));
+        let there = refitted.as_ref().unwrap_or(chosen);
         let of = |k: usize| {
             let mut theta = chosen.theta.clone();
             theta.drain(chosen.model.place(k));
-            self.rivals(k, self.without(k, &theta))
+            self.rivals(k, there, self.without(k, &theta))
         };
         (0..chosen.model.effects.len()).into_par_iter().map(of).collect()
     }
@@ -63,12 +66,10 @@ impl<'a> Findings<'_, 'a> {
         (whole && posterior::shares(fitter, &[chosen, &next])[1] > 0.5 && carried()).then_some(next)
     }
 
-    /// Effect number `k` of the chosen model against what could stand in its place.
-    fn rivals(&self, k: usize, without: Fit<'a>) -> Weighed<'a> {
+    /// Effect number `k` of the chosen model against what could stand in its place; `chosen` on what the search has looked at, and
+    /// `without` that effect.
+    fn rivals(&self, k: usize, chosen: &Fit<'a>, without: Fit<'a>) -> Weighed<'a> {
         let fitter = self.where_searched();
-        // Its rivals are fitted to what the search has looked at, and so is it.
-        let refitted = self.looking.map(|looking| looking.refit(&self.search.chosen.model, &self.search.chosen.theta));
-        let chosen = &refitted.unwrap_or_else(|| self.search.chosen.clone());
         let there = &fitter.as_it_stands(&without);
         let own = chosen.model.effects[k].id();
         // Those that came close in the round in which it was found; a class mate comes close in every round.
