@@ -68,8 +68,11 @@ impl Effect for ReferenceShift {
         &PARAMETERS
     }
     fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
-        // What a recalibration would stand in for.
-        vec![vec![hint.recalibrated.0, hint.recalibrated.1, 0.0, 0.0]]
+        // What a recalibration would stand in for, and the instant that parts the record best: no step of a fit finds that one,
+        // since the error does not change while the instant moves between two samples.
+        let mut out = vec![vec![hint.recalibrated.0, hint.recalibrated.1, 0.0, 0.0]];
+        out.extend(best_instant(hint).map(|(from_s, gain, offset_bar)| vec![gain, offset_bar, from_s, 0.0]));
+        out
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
@@ -81,6 +84,60 @@ impl Effect for ReferenceShift {
             per_span: 1.0 / span_bar,
         })
     }
+}
+
+/// Sums for a straight line of the residual over the pressure.
+#[derive(Debug, Clone, Copy, Default)]
+struct Line {
+    n: f64,
+    p: f64,
+    e: f64,
+    pp: f64,
+    pe: f64,
+}
+
+impl Line {
+    fn and(self, p: f64, e: f64) -> Self {
+        Self { n: self.n + 1.0, p: self.p + p, e: self.e + e, pp: self.pp + p * p, pe: self.pe + p * e }
+    }
+    fn without(self, of: Self) -> Self {
+        Self { n: self.n - of.n, p: self.p - of.p, e: self.e - of.e, pp: self.pp - of.pp, pe: self.pe - of.pe }
+    }
+    /// Slope, value at no pressure, and how much of the sum of squares the line takes; a level where the pressure stands.
+    fn fitted(self) -> (f64, f64, f64) {
+        let (spread, along) = (self.pp - self.p * self.p / self.n, self.pe - self.p * self.e / self.n);
+        let slope = if spread > 1e-9 * self.pp { along / spread } else { 0.0 };
+        let level = (self.e - slope * self.p) / self.n;
+        (slope, level, slope * along + self.e * self.e / self.n)
+    }
+}
+
+/// The instant [s] on whose sides two straight lines over the pressure leave the least of the residual, and what changes
+/// there: gain and offset [bar]. Each side has a twentieth of the readings.
+fn best_instant(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
+    let most_bar = 5.0 * hint.scale_bar;
+    let read = |k: usize| {
+        let (p, e) = (hint.pressure_bar[k], hint.residual_bar[k]);
+        (p.is_finite() && e.is_finite()).then(|| (p, e.clamp(-most_bar, most_bar)))
+    };
+    let samples = 0..hint.residual_bar.len();
+    let all = samples.clone().filter_map(read).fold(Line::default(), |line, (p, e)| line.and(p, e));
+    let least = 0.05 * all.n;
+    let (mut before, mut best) = (Line::default(), None::<(f64, f64, f64, f64)>);
+    for k in samples {
+        if before.n >= least.max(2.0) && all.n - before.n >= least.max(2.0) {
+            let (first, second) = (before.fitted(), all.without(before).fitted());
+            let taken = first.2 + second.2;
+            if best.is_none_or(|(most, ..)| taken > most) {
+                let from_s = hint.start_s + (k as f64 - 0.5) * hint.dt_s;
+                best = Some((taken, from_s, second.0 - first.0, second.1 - first.1));
+            }
+        }
+        if let Some((p, e)) = read(k) {
+            before = before.and(p, e);
+        }
+    }
+    best.map(|(_, from_s, gain, offset_bar)| (from_s, gain, offset_bar))
 }
 
 struct Shift {
@@ -101,5 +158,36 @@ impl Pointwise for Shift {
         }
         let level = input * self.per_span;
         input + self.gain * input + self.offset + self.bend * level * (1.0 - level)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_is_proposed_where_it_is() {
+        let n = 4000;
+        let pressure: Vec<f64> = (0..n).map(|k| 8.0 + 6.0 * (0.004 * k as f64).sin()).collect();
+        for at in [400, 1234, 3300] {
+            let mut residual: Vec<f64> = (0..n).map(|k| 0.02 * ((k * 7919 % 101) as f64 / 50.0 - 1.0)).collect();
+            for k in at..n {
+                residual[k] += 0.2 + 0.01 * pressure[k];
+            }
+            residual[700] = f64::NAN;
+            let hint = Hint {
+                start_s: 3.0,
+                dt_s: 0.01,
+                current_a: &pressure,
+                delay_s: 0.02,
+                residual_bar: &residual,
+                pressure_bar: &pressure,
+                scale_bar: 0.1,
+                recalibrated: (0.0, 0.0),
+            };
+            let found = &ReferenceShift.propose(&hint)[1];
+            assert!((found[2] - (3.0 + 0.01 * at as f64)).abs() < 0.011, "{found:?}");
+            assert!((found[0] - 0.01).abs() < 1e-3 && (found[1] - 0.2).abs() < 0.01, "{found:?}");
+        }
     }
 }
