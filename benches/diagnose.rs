@@ -110,7 +110,7 @@ fn effects(c: &mut Criterion) {
     let mut plain = calibrated();
     group.bench_function("none", |b| b.iter(|| simulate(&plain, Input::Held, black_box(&time), black_box(&current))));
     for effect in EFFECTS {
-        let theta: Vec<f64> = effect.parameters().iter().map(|p| p.starts[0]).collect();
+        let theta = effect.examples().swap_remove(0);
         plain.effects = vec![specification(*effect, &theta)];
         group.bench_function(effect.id(), |b| b.iter(|| simulate(&plain, Input::Held, black_box(&time), black_box(&current))));
     }
@@ -130,7 +130,7 @@ fn candidates(c: &mut Criterion) {
     let null = fitter.recalibrate(&base, &[]);
     let mut group = group(c, "candidate", 2);
     group.throughput(Throughput::Elements(1));
-    for effect in EFFECTS.iter().filter(|e| e.kind() != Kind::Scatter) {
+    for effect in EFFECTS.iter().filter(|e| e.kind() != Kind::Scatter && !e.parameters().is_empty()) {
         let model = base.with(*effect, 0.0);
         group.bench_function(effect.id(), |b| b.iter(|| fitter.fit_new(&model, black_box(&null), &[])));
     }

@@ -20,7 +20,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let mut three = Vec::new();
     for effect in EFFECTS {
-        let theta: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(p.starts[0])).collect();
+        let plainest: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(p.starts[0])).collect();
+        let theta = if plainest.is_empty() { effect.examples().swap_remove(0) } else { plainest };
         let spec = specification(*effect, &theta);
         if THREE.contains(&effect.id()) {
             three.push(spec.clone());

@@ -65,7 +65,8 @@ fn every_effect_as_the_library_simulates_it() {
 
 /// The valve with this effect at its first start.
 fn with(effect: &'static dyn hil::physics::Effect) -> Valve {
-    let theta: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(p.starts[0])).collect();
+    let plainest: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(p.starts[0])).collect();
+    let theta = if plainest.is_empty() { effect.examples().swap_remove(0) } else { plainest };
     Valve { effects: vec![specification(effect, &theta)], ..paper() }
 }
 

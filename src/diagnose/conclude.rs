@@ -159,6 +159,7 @@ impl<'a> Findings<'_, 'a> {
             form,
             recalibration,
             unexplained,
+            discovered: None,
             coil_current: None,
             next_experiment: None,
             notes,

@@ -78,6 +78,9 @@ pub struct Diagnosis {
     pub candidates: Vec<Candidate>,
     /// What is left and on what it depends; `null` where nothing is left.
     pub unexplained: Option<Remainder>,
+    /// A term that no effect of the library holds, confirmed on data that its search has not seen; `null` where none is.
+    #[serde(default)]
+    pub discovered: Option<Discovery>,
     /// On which side of the measured coil current that lies; `null` where it was not recorded, or nothing is missing.
     #[serde(default)]
     pub coil_current: Option<CoilCurrent>,
@@ -225,6 +228,59 @@ pub struct Remainder {
     pub windows: Vec<Window>,
 }
 
+/// A term that no effect of the library holds: what the error follows, never why.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Discovery {
+    /// What was found, in one sentence.
+    pub text: String,
+    /// What is added to the pressure: the terms, with units.
+    pub formula: Vec<String>,
+    /// The states that it follows, and where they were seen; beyond, a state counts as the end of its range.
+    pub follows: Vec<Followed>,
+    /// Root mean square of what it adds [bar].
+    pub adds_bar: f64,
+    /// Error of the model without it, on all data [bar].
+    pub rmse_without_bar: f64,
+    /// Error of the model with it, on all data [bar].
+    pub rmse_with_bar: f64,
+    /// On data that the search has not seen, for each formula that was added.
+    pub unseen: Vec<OnUnseen>,
+    /// How many functions of one or two states were tried.
+    pub tried: usize,
+    /// Chance that the best of so many is as good where there is nothing to find, from circular shifts of the error.
+    pub p_value: f64,
+}
+
+/// A state that a discovered term follows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Followed {
+    /// The state with its values, as a formula names it.
+    pub state: String,
+    /// Smallest value that was seen.
+    pub from: f64,
+    /// Largest value that was seen.
+    pub to: f64,
+    /// Unit of both.
+    pub unit: String,
+}
+
+/// A discovered term on data that its search has not seen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OnUnseen {
+    /// `run` where that is a run of its own, `end` where it is the end of the only one.
+    pub on: String,
+    /// How long it is [s].
+    pub lasts_s: f64,
+    /// Error without the term [bar].
+    pub rmse_without_bar: f64,
+    /// Error with it [bar].
+    pub rmse_with_bar: f64,
+    /// 95 % interval of the difference over blocks [bar].
+    pub gain_ci_bar: Option<(f64, f64)>,
+    /// Chance of such a difference were the term not there, from sign flips of the blocks.
+    pub p_value: f64,
+}
+
 /// A stimulus that separates rivals.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NextExperiment {
@@ -309,6 +365,7 @@ pub(crate) mod tests {
             place: Place::default(),
             candidates: Vec::new(),
             unexplained: None,
+            discovered: None,
             coil_current: None,
             next_experiment: None,
             notes: Vec::new(),

@@ -49,6 +49,7 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
         place: locate(evidence, &residual, &simulated),
         candidates: Vec::new(),
         unexplained: None,
+        discovered: None,
         coil_current: None,
         next_experiment: None,
         notes: evidence.notes.clone(),

@@ -12,6 +12,7 @@ mod conclude;
 mod criteria;
 mod descent;
 mod diagnosis;
+mod discover;
 mod error;
 mod errors;
 mod evidence;
@@ -44,8 +45,8 @@ mod words;
 
 pub use coil::{CoilCurrent, Side};
 pub use diagnosis::{
-    Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, NextExperiment, Place, Region, Remainder, Rival,
-    SCHEMA, Verdict, Window,
+    Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Discovery, Errors, Estimate, Finding, Followed, NextExperiment, OnUnseen,
+    Place, Region, Remainder, Rival, SCHEMA, Verdict, Window,
 };
 pub use error::DiagnoseError;
 pub use foreign::{Foreign, Plant, Recalibration};
@@ -65,7 +66,7 @@ use model::Model;
 use scatter::scatter;
 
 use crate::course::{Course, Preparation};
-use crate::physics::Kind;
+use crate::physics::{Kind, specification};
 use crate::recording::Recording;
 use crate::valve::Valve;
 
@@ -169,7 +170,15 @@ fn on_evidence(
         unsettled: &unsettled,
         weighed: Vec::new(),
     };
-    let mut found = findings.weighed().conclude();
+    let findings = findings.weighed();
+    let chosen = findings.search.chosen.clone();
+    let mut found = findings.conclude();
+    let remains = matches!(found.diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    // The states of a process last longer than those that are tried, and a foreign model is taken as it is.
+    if let Some(term) = (remains && foreign.is_none() && !evidence.is_slow()).then(|| discover::discover(&fitter, &chosen)).flatten() {
+        let beside: Vec<_> = scattered.iter().map(|s| specification(s.effect, &s.finding.theta)).collect();
+        term.enter(&mut found, &chosen, beside);
+    }
     if found.diagnosis.verdict != Verdict::Match {
         found.diagnosis.coil_current = coil::coil_current(recording, &fitter, &null);
         if let Some(coil) = &found.diagnosis.coil_current {

@@ -169,6 +169,13 @@ impl<'a> Model<'a> {
         (default.is_some() && !std::mem::replace(&mut held[j], true)).then_some(simpler)
     }
 
+    /// This model with an effect more whose values stay.
+    pub fn beside(&self, effect: &'static dyn Effect, values: Vec<f64>) -> Self {
+        let mut more = self.clone();
+        more.fixed.push((effect, values));
+        more
+    }
+
     /// What the signatures of the effects say beyond the fit [nats].
     pub fn signature_nats(&self) -> f64 {
         self.signature_nats.iter().sum()

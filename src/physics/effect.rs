@@ -1,8 +1,9 @@
 //! What an effect is: where it sits in the signal's way, which parameters it has, what it does to the signal.
 
 use super::block::{Arrival, Block};
+use super::error::PhysicsError;
 use crate::units::Unit;
-use crate::valve::Valve;
+use crate::valve::{EffectSpec, Valve};
 
 /// The stages of a valve in the order in which the signal passes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -146,6 +147,28 @@ pub trait Effect: Sync {
         true
     }
 
+    /// Its values from a valve file, where they are more than numbers with names; `None`: the file has its parameters.
+    fn read(&self, _: &EffectSpec) -> Option<Result<Vec<f64>, PhysicsError>> {
+        None
+    }
+
+    /// Its values as a valve file has them, where [`Effect::read`] reads them.
+    fn write(&self, _: Theta<'_>) -> Option<Vec<(String, String)>> {
+        None
+    }
+
+    /// Values with which the laws of all effects are tried: the first start of every parameter, then each other start of one of them.
+    fn examples(&self) -> Vec<Vec<f64>> {
+        let first: Vec<f64> = self.parameters().iter().map(|p| p.starts[0]).collect();
+        let others = self.parameters().iter().enumerate().flat_map(|(k, p)| p.starts[1..].iter().map(move |s| (k, *s)));
+        let moved = others.map(|(k, start)| {
+            let mut theta = first.clone();
+            theta[k] = start;
+            theta
+        });
+        std::iter::once(first.clone()).chain(moved).collect()
+    }
+
     /// A plainer effect that it holds, and its own values at which it is the plainer one with these values: a fit of it can
     /// never be worse than the plainer one's.
     fn nested(&self) -> Option<Nested> {
@@ -185,6 +208,11 @@ pub trait Effect: Sync {
     /// The channel without which it does nothing.
     fn needs(&self) -> Option<Channel> {
         None
+    }
+
+    /// The recorded channels that it looks at with these values.
+    fn uses(&self, _: Theta<'_>) -> Vec<Channel> {
+        self.needs().into_iter().collect()
     }
 
     /// Further starts of a fit that the residual suggests, besides those of the parameters.

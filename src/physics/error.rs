@@ -43,6 +43,16 @@ pub enum PhysicsError {
         /// What is wrong.
         source: Box<crate::units::UnitError>,
     },
+    /// A formula that is none.
+    #[error("effect `{effect}`, `{name}`: {problem}")]
+    Formula {
+        /// The effect.
+        effect: String,
+        /// The key.
+        name: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// A value outside what physics allows.
     #[error("effect `{effect}`, parameter `{name}`: {value} is outside {low} to {high}")]
     OutOfRange {

@@ -13,6 +13,7 @@ mod course;
 mod creep;
 mod delay;
 mod delay_jitter;
+mod discovered;
 mod effect;
 mod error;
 mod fill_phase;
@@ -57,6 +58,7 @@ mod transport_delay;
 pub use block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Step};
 pub use course::{Misfit, signals, simulate_course};
 pub use delay::{Delay, DelayLine};
+pub use discovered::{Discovered, Factor, MOST_FACTORS, Seen, Shape, State, StateKind, Term, Tracker, numbers, state_text, written};
 pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Nested, Parameter, Scatter, ScatterFinding, Stage, Theta};
 pub use error::PhysicsError;
 pub use linear::{FirstOrder, SecondOrder};
@@ -92,6 +94,7 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &air_entrainment::AirEntrainment,
     &second_order_resonance::SecondOrderResonance,
     &creep::Creep,
+    &discovered::Discovered,
     &sensor_lag::SensorLag,
     &sensor_dead_band::SensorDeadBand,
     &sensor_gain::SensorGain,

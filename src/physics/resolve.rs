@@ -15,6 +15,9 @@ pub fn resolve(spec: &EffectSpec) -> Result<(&'static dyn Effect, Vec<f64>), Phy
         hint: nearest(&spec.id, EFFECTS.iter().map(|e| e.id())).map_or(String::new(), |n| format!(", did you mean `{n}`?")),
         known: EFFECTS.iter().map(|e| e.id()).collect::<Vec<_>>().join(", "),
     })?;
+    if let Some(read) = effect.read(spec) {
+        return Ok((effect, read?));
+    }
     let parameters = effect.parameters();
     if let Some((name, _)) = spec.parameters.iter().find(|(name, _)| !parameters.iter().any(|p| p.name == name)) {
         let known: Vec<_> = parameters.iter().map(|p| p.name).collect();
@@ -51,6 +54,9 @@ pub fn resolve(spec: &EffectSpec) -> Result<(&'static dyn Effect, Vec<f64>), Phy
 
 /// The specification of an effect with these values, as it stands in a valve file.
 pub fn specification(effect: &dyn Effect, theta: &[f64]) -> EffectSpec {
+    if let Some(parameters) = effect.write(theta) {
+        return EffectSpec { id: effect.id().into(), parameters };
+    }
     let text = |(p, v): (&super::Parameter, &f64)| {
         let unit = if p.unit.symbol == "1" { String::new() } else { format!(" {}", p.unit.symbol) };
         (p.name.to_string(), format!("{v}{unit}"))

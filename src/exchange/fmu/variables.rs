@@ -130,7 +130,10 @@ pub fn variables(valve: &Valve, part: Part) -> Result<Vec<Variable>, PhysicsErro
             0.0,
         ),
     ] {
-        let uses = |spec| Ok(resolve(spec)?.0.needs() == Some(channel));
+        let uses = |spec| {
+            let (effect, theta) = resolve(spec)?;
+            Ok(effect.uses(&theta).contains(&channel))
+        };
         if valve.effects.iter().map(uses).collect::<Result<Vec<bool>, PhysicsError>>()?.contains(&true) {
             all.push(input(reference, name, description, unit, start, Meaning::Around(channel)));
         }

@@ -1,5 +1,6 @@
 //! Views of a diagnosis: text for a terminal, the JSON of the contract, a page that tells the story.
 
+mod discovered;
 mod drawings;
 mod page;
 mod tables;

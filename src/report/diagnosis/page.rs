@@ -52,6 +52,7 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
         }
         @if !d.recalibration.is_empty() { (tables::recalibration(d)) }
         @if let Some(rest) = &d.unexplained { h2 { "What is left" } (tables::remainder(rest)) @if let Some(s) = &story.rest { (drawings::rest(d, s)) } }
+        @if let Some(term) = &d.discovered { h2 { "A term that no effect of the library holds" } (super::discovered::discovered(term)) }
         h2 { "What was tried" }
         (tables::candidates(d))
         h2 { "How well each model does on data it has not seen" }

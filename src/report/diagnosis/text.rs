@@ -32,6 +32,27 @@ pub fn text(d: &Diagnosis) -> String {
         let _ = writeln!(out, "   {}, share {:.0} %", f.claim.text(), 100.0 * f.share);
         finding(&mut out, f);
     }
+    if let Some(found) = &d.discovered {
+        let _ = writeln!(out, "\nA term that no effect of the library holds");
+        for term in &found.formula {
+            paragraph(&mut out, &format!("+ {term}"), 3);
+        }
+        for f in &found.follows {
+            paragraph(&mut out, &format!("{} seen from {} to {}", f.state, figure(f.from, &f.unit), figure(f.to, &f.unit)), 3);
+        }
+        let _ = writeln!(
+            out,
+            "   adds {:.3} bar RMS; error {:.3} bar -> {:.3} bar",
+            found.adds_bar, found.rmse_without_bar, found.rmse_with_bar
+        );
+        for u in &found.unseen {
+            let _ = writeln!(
+                out,
+                "   unseen {} of {:.0} s: {:.3} bar -> {:.3} bar, p = {:.4}",
+                u.on, u.lasts_s, u.rmse_without_bar, u.rmse_with_bar, u.p_value
+            );
+        }
+    }
     if !d.form.is_empty() {
         let _ = writeln!(out, "\nForm of curve, hysteresis and dynamics: corrections that say nothing of a fault");
         for f in &d.form {
