@@ -33,12 +33,15 @@ use formula::{FormulaError, quantity, state_of};
 /// The effect `discovered`.
 pub struct Discovered;
 
-/// Terms that hold each kind of memory, with which the laws of the effects are tried.
-const EXAMPLES: [&str; 4] = [
+/// Terms that hold each kind of memory, with which the laws of the effects are tried. Events are the same at every sampling
+/// rate but where the pressure just touches their threshold, which it does not in the laws' course.
+const EXAMPLES: [&str; 6] = [
     "0.8 bar * sin((pressure - 3 bar) / 1.5 bar) * sin((past_pressure(3.8 s) - 1 bar) / 2 bar)",
     "0.5 bar * tanh((pressure_change(0.4 s, 0.33 s) - 0 bar) / 4 bar)",
-    "0.4 bar * decay((since_reversal(1 bar) - 0 s) / 2 s) * line((play(2 bar) - 0 bar) / 2 bar)",
+    "0.4 bar * decay((since_reversal(1.5 bar) - 0 s) / 2 s) * line((play(2 bar) - 0 bar) / 2 bar)",
     "0.3 bar * square((agitation(0.4 s, 2.5 s) - 0 bar) / 2 bar)",
+    "0.5 bar * line((switch(14 bar, 6 bar, 0.33 s) - 0) / 1)",
+    "0.5 bar * bump((since_shift(5 bar, 1 s) - 0.5 s) / 0.5 s)",
 ];
 
 impl Effect for Discovered {

@@ -119,7 +119,7 @@ pub struct State {
 }
 
 /// Share of a memory in which the signal is followed, so that what is no line between two samples is followed too.
-const SHARE_OF_MEMORY: f64 = 0.1;
+const SHARE_OF_MEMORY: f64 = 0.05;
 /// Step in which events are seen [s].
 const EVENT_S: f64 = 2e-3;
 
