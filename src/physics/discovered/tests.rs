@@ -9,14 +9,14 @@ fn spec(parameters: &[(&str, &str)]) -> EffectSpec {
 #[test]
 fn a_formula_reads_back_from_its_own_text() {
     let given = spec(&[
-        ("term_1", "0.8 bar * sin((pressure - 3 bar) / 1.5 bar) * tanh((past_pressure(3800 ms) - -1 bar) / 2 bar)"),
+        ("term_1", "0.8 bar * sin((pressure - 3 bar) / 1.5 bar) * tanh((past_pressure(4000 ms) - -1 bar) / 2 bar)"),
         ("term_2", "-0.25 bar * line((switch(14 bar, 6 bar, 0.7 s) - 0) / 1)"),
         ("seen_1", "pressure: 1 bar to 20 bar"),
     ]);
     let values = read(&given).unwrap();
     let all = terms(&values);
     assert_eq!(all.len(), 2);
-    assert_eq!((all[0].factors[0].seen, all[0].factors[1].state.values[0], all[0].factors[1].centre), ((1.0, 20.0), 3.8, -1.0));
+    assert_eq!((all[0].factors[0].seen, all[0].factors[1].state.values[0], all[0].factors[1].centre), ((1.0, 20.0), 4.0, -1.0));
     let back = EffectSpec { id: "discovered".into(), parameters: Discovered.write(&values).unwrap() };
     assert_eq!(read(&back).unwrap(), values);
 }
