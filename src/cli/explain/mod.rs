@@ -108,7 +108,9 @@ fn effect_page(effect: &dyn Effect) -> String {
     // The first line is the name once more, as a heading.
     let body = if doc.starts_with('#') { doc.split_once('\n').map_or("", |d| d.1) } else { &doc };
     paragraphs(&mut out, body.trim_start_matches('\n'), 2);
-    out.push_str("\n  parameters:\n");
+    if !effect.parameters().is_empty() {
+        out.push_str("\n  parameters:\n");
+    }
     for parameter in effect.parameters() {
         let (low, high) = (parameter.unit.print(parameter.range.0), parameter.unit.print(parameter.range.1));
         let default = parameter.default.map_or_else(String::new, |v| format!("; {} where it is not given", parameter.unit.print(v)));
