@@ -30,6 +30,8 @@ pub mod limits;
 
 pub mod least_squares;
 
+pub mod process_loop;
+
 pub mod identify;
 
 pub mod plan;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 mod circles;
 
 /// The rooms in the order of dependence: a room may use only those before it.
-const ROOMS: [&str; 26] = [
+const ROOMS: [&str; 27] = [
     "shipped",
     "document",
     "digest",
@@ -20,6 +20,7 @@ const ROOMS: [&str; 26] = [
     "metrics",
     "limits",
     "least_squares",
+    "process_loop",
     "identify",
     "plan",
     "rig",

@@ -4,6 +4,7 @@ use super::error::DiagnoseError;
 use super::foreign::{Base, Foreign};
 use crate::course::{Course, CourseError, Input, Run};
 use crate::physics::{Channel, MOST_INNER};
+use crate::process_loop::SLOW_STEP_S;
 use crate::valve::Valve;
 
 /// Fewest usable samples in all.
@@ -11,8 +12,6 @@ const FEWEST_SAMPLES: usize = 200;
 
 /// Noise of a recording without any [bar].
 const LEAST_NOISE_BAR: f64 = 1e-6;
-/// A recording with this step or a longer one shows a process [s].
-const SLOW_STEP_S: f64 = 0.25;
 /// A current that moves in fewer samples than this share is one of steps.
 const STEPS: f64 = 0.05;
 
@@ -30,6 +29,8 @@ pub struct Evidence {
     pub input: Input,
     /// Most inner steps of a sample in a simulation.
     pub most_inner: usize,
+    /// Whether a slow recording shows a controller at work: what its valve does is then told by the loop as a whole.
+    pub controlled: bool,
     /// What was noticed.
     pub notes: Vec<String>,
     /// Where between its curves the valve stands at first, for each run: 0 ascending, 1 descending; the middle where it is soon
@@ -43,7 +44,7 @@ impl Evidence {
     /// Runs as they are, each from a start of which nothing is known, simulated as finely as their physics asks for.
     pub fn new(grids: Vec<Run>, noise_bar: f64, input: Input) -> Self {
         let start_shares = vec![MIDDLE; grids.len()];
-        Self { grids, noise_bar, input, most_inner: MOST_INNER, notes: Vec::new(), start_shares, base: None }
+        Self { grids, noise_bar, input, most_inner: MOST_INNER, controlled: false, notes: Vec::new(), start_shares, base: None }
     }
 
     /// Takes a recording that is made ready.

@@ -29,6 +29,7 @@ mod loss;
 mod mistake;
 mod model;
 mod posterior;
+mod process;
 mod remainder;
 mod rival;
 mod scatter;
@@ -114,6 +115,9 @@ fn on_evidence(
 ) -> Result<Diagnosed, DiagnoseError> {
     let model_error = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
     let given = Model::base(valve).map_err(model_error)?.on(&evidence);
+    if let Some(found) = process::look(recording, &mut evidence, &given) {
+        return Ok(found);
+    }
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }

@@ -264,7 +264,7 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
             Kind::Scatter => false,
         })
         .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()) && !fitter.found.contains(&e.id()))
-        .filter(|e| !fitter.evidence.is_slow() || e.stage() == Stage::Spool)
+        .filter(|e| !fitter.evidence.is_slow() || !fitter.evidence.controlled && e.stage() == Stage::Spool)
         .filter(|e| e.searched())
         .filter(|e| fitter.evidence.base.as_ref().is_none_or(|base| base.carries(*e)))
         .filter(|e| e.needs().is_none_or(|channel| fitter.evidence.moves(channel)))

@@ -37,6 +37,7 @@ pub use parameters::{CurvePoint, Parameter};
 pub use quality::Quality;
 
 use crate::course::{Course, CourseError, Preparation};
+use crate::process_loop::{self, SLOW_STEP_S};
 use crate::recording::Recording;
 use crate::valve::MAX_TIME_S;
 use fit::Problem;
@@ -87,7 +88,9 @@ pub fn identify_courses(courses: &[Course], options: &Options) -> Result<Identif
     }
     let (mut segments, whole) = windows::segments(courses);
     let mut survey = checked_survey(courses, &mut segments)?;
-    if direction::falls(&segments) {
+    // In a closed loop the controller turns the two against each other, whichever way the process moves.
+    let controlled = courses.iter().any(is_control_loop);
+    if !controlled && direction::falls(&segments) {
         return Err(IdentifyError::Falls { source_name: source_names(courses) });
     }
     survey.recorded_a = windows::range(courses);
@@ -106,8 +109,14 @@ pub fn identify_courses(courses: &[Course], options: &Options) -> Result<Identif
     }
     let limit = found.limit_bar;
     let (fit, nodes) = profile::lowest(&problem, found.fit, &weights, limit, |fit| uncertainty::variance(&problem, fit, &weights, limit).0);
-    let data = outcome::Data { courses, whole, problem: &problem, survey: &survey };
+    let data = outcome::Data { courses, whole, problem: &problem, survey: &survey, controlled };
     Ok(outcome::outcome(&data, options, &fit, (&nodes, limit), (found.orders, heldout_bar)))
+}
+
+/// Whether a recording is slow and shows a controller at work.
+fn is_control_loop(course: &Course) -> bool {
+    let longest = course.runs.iter().max_by_key(|run| run.current_a.len());
+    longest.is_some_and(|run| run.dt_s >= SLOW_STEP_S && process_loop::is_closed(&run.pressure_bar, &run.current_a))
 }
 
 /// What is said of a model that was asked to fall.

@@ -97,6 +97,8 @@ pub(super) struct Data<'a> {
     pub problem: &'a Problem<'a>,
     /// What was found in them.
     pub survey: &'a Survey,
+    /// Whether a controller is at work in a slow recording.
+    pub controlled: bool,
 }
 
 pub(super) fn outcome(
@@ -106,7 +108,7 @@ pub(super) fn outcome(
     (nodes, limit): (&[Node], f64),
     (orders, heldout_bar): (Vec<OrderError>, Option<f64>),
 ) -> Identified {
-    let Data { courses, whole, problem, survey } = *data;
+    let Data { courses, whole, problem, survey, controlled } = *data;
     let shape = &fit.shape;
     let weights = problem.weights();
     let (variance, time) = variance(problem, fit, &weights, limit);
@@ -148,7 +150,10 @@ pub(super) fn outcome(
     if !whole {
         notes.push(warnings::windows_note(courses, problem));
     }
-    let warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
+    let mut warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
+    if controlled {
+        warnings.push(warnings::CONTROLLED.into());
+    }
     valve.identification = Some(Identification {
         recording: source_names(courses),
         sha256: (courses.len() == 1).then(|| options.sha256.first().cloned()).flatten(),

@@ -17,6 +17,9 @@ const SWEEP: f64 = 0.2;
 /// Fewer reversals do not carry the hyperbola.
 const MIN_REVERSALS: usize = 2;
 
+/// What is said of a slow recording in which a controller is at work.
+pub(super) const CONTROLLED: &str = "this is a control loop: the current answers the pressure, and both move as the controller lets them. Loop width and delay of this model may be friction of the valve, and the phase of an oscillation; `hil diagnose` tells whether the valve sticks";
+
 /// What was found and handled.
 pub(super) fn notes(courses: &[Course], survey: &Survey, fit: &Fit, valve: &Valve) -> Vec<String> {
     let mut out: Vec<String> = courses.iter().flat_map(|c| c.notes.iter().cloned()).collect();

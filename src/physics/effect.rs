@@ -175,6 +175,12 @@ pub trait Effect: Sync {
         None
     }
 
+    /// Its values for a stem that rests until the current is `(resting, ..)` away from it and then moves to within `(.., moving)` of
+    /// it [A]; `None` for an effect that is no such friction.
+    fn stick_slip(&self, _: (f64, f64)) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Dead time that it adds to that of the valve [s].
     fn dead_time_s(&self, _: Theta<'_>) -> f64 {
         0.0

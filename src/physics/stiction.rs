@@ -12,6 +12,10 @@
 //!
 //! What to check on the bench: a micro-ramp of some 20 mA at high resolution; dither amplitude, contamination.
 //!
+//! In a control loop: dead band and stick band are S = band (1 + slip), the slip jump is J = band (1 - slip), in the unit of the
+//! controller's output. Output and pressure go round: the one travels while the other rests, then that jumps. What to check:
+//! the controller in manual; a loop that then stands still is one whose valve sticks. Packing, actuator, positioner.
+//!
 //! Source: He, Wang, Pottmann and Qin, Ind. Eng. Chem. Res. 46 (2007) 4549; Choudhury, Thornhill and Shah, Control
 //! Eng. Practice 13 (2005) 641.
 
@@ -70,6 +74,10 @@ impl Effect for Stiction {
     /// Where the spool slips on a fast ramp is chance, and a free simulation loses step with it; the staircase stays.
     fn signature_nats(&self, hint: &Hint<'_>) -> f64 {
         staircase(hint).map_or(0.0, |stair| stair.nats)
+    }
+    fn stick_slip(&self, (resting, moving): (f64, f64)) -> Option<Vec<f64>> {
+        let [_, slip, speed] = self.parameters() else { return None };
+        Some(vec![resting, (moving / resting).clamp(slip.range.0, slip.range.1), speed.default?])
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let ratio = context.dt_s / FELT_S;
