@@ -219,6 +219,7 @@ fn diagnosed(
         place: locate(evidence, &base_residual, &base_bar),
         candidates,
         unexplained,
+        discovered: None,
         coil_current: None,
         next_experiment: None,
         notes: evidence.notes.clone(),
