@@ -77,6 +77,29 @@ pub(super) fn planted(case: &Case) -> Vec<(&'static str, &'static str, f64)> {
     Plant::new(&case.specimen(), &case.effects, case.seed, RECORD, 0.3, 1.0 / case.rate_hz).planted().to_vec()
 }
 
+/// Number of the run in which an experiment is driven.
+const EXPERIMENT: u64 = 4;
+/// Before an experiment the valve rests at its first current for so long [s].
+const SETTLES_S: f64 = 5.0;
+
+/// The valve of a case along the points (time [s], current [A]) of an experiment that was asked for, in open loop.
+pub(super) fn record_experiment(case: &Case, points: &[(f64, f64)]) -> Run {
+    let (period_s, end_s) = (1.0 / case.rate_hz, points.last().map_or(0.0, |p| p.0));
+    let count = ((SETTLES_S + end_s) * case.rate_hz) as usize;
+    let current_a: Vec<f64> = (0..count).map(|k| along(points, k as f64 * period_s - SETTLES_S).clamp(0.05, 1.05)).collect();
+    let start_a = current_a.first().copied().unwrap_or_default();
+    open_loop(&current_a, &mut Plant::new(&case.specimen(), &case.effects, case.seed, EXPERIMENT, start_a, period_s), case.rate_hz)
+}
+
+/// The value at a time of straight lines between points.
+fn along(points: &[(f64, f64)], at_s: f64) -> f64 {
+    let next = points.partition_point(|p| p.0 <= at_s);
+    match (next.checked_sub(1).map(|k| points[k]), points.get(next)) {
+        (Some(a), Some(b)) => a.1 + (b.1 - a.1) * (at_s - a.0) / (b.0 - a.0),
+        (before, after) => before.or(after.copied()).map_or(0.0, |end| end.1),
+    }
+}
+
 /// The sweep of the healthy valve.
 pub(super) fn healthy_sweep(case: &Case) -> Run {
     one_run(case, &case.specimen(), &[], 0)
@@ -168,6 +191,18 @@ mod tests {
         assert_eq!(valve.record, twin.record);
         assert_eq!(valve.holdout, twin.holdout);
         assert_eq!((valve.sweep.len(), valve.record.len(), valve.holdout.len()), (20_000, 12_000, 10_000));
+    }
+
+    #[test]
+    fn an_experiment_is_driven_on_the_concealed_valve_along_its_points() {
+        let points = [(0.0, 0.3), (2.0, 0.7), (2.01, 0.4), (4.0, 0.4)];
+        for (t, current) in [(-1.0, 0.3), (1.0, 0.5), (2.005, 0.55), (3.0, 0.4), (9.0, 0.4)] {
+            assert!((along(&points, t) - current).abs() < 1e-9, "{t}");
+        }
+        let leak = vec![Concealed { id: "leakage", variant: 0, severity: 1.0 }];
+        let (faulty, healthy) = (record_experiment(&placed(8, leak), &points), record_experiment(&placed(8, Vec::new()), &points));
+        assert_eq!((faulty.len(), &faulty.current_a), (900, &healthy.current_a));
+        assert_ne!(faulty.pressure_bar, healthy.pressure_bar);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::case::Case;
 use super::score::{Answer, Misfit, Score, score};
-use super::session::record_session;
+use super::session::{record_experiment, record_session};
 use crate::recording::Run;
 
 /// Whoever is put to the test. It gets recordings and nothing else.
@@ -16,11 +16,16 @@ pub trait Contestant {
     /// Its own words.
     fn identify(&mut self, sweep: &Run, commission: Option<&Run>) -> Result<Self::Model, String>;
 
-    /// A diagnosis of a drive, and the model that came of it.
+    /// A diagnosis of a drive, with the experiment that was asked for after it where there is one, and the model that came of it.
     ///
     /// # Errors
     /// Its own words.
-    fn diagnose(&mut self, record: &Run, model: &Self::Model) -> Result<(Answer, Self::Model), String>;
+    fn diagnose(&mut self, record: &Run, experiment: Option<&Run>, model: &Self::Model) -> Result<(Answer, Self::Model), String>;
+
+    /// The experiment that it wants to see after its last diagnosis: times [s] and currents [A].
+    fn proposed(&self) -> Option<Vec<(f64, f64)>> {
+        None
+    }
 
     /// The pressure [bar] that a model expects along the current of a run.
     ///
@@ -40,17 +45,26 @@ pub struct Trial {
     pub misfit: Misfit,
     /// What it was worth.
     pub score: Score,
+    /// The same after the experiment that it asked for; `None` where it asked for none, or got none.
+    pub after: Option<Box<Trial>>,
 }
 
-/// Holds one trial.
+/// Holds one trial; with `experiment`, the one that the contestant asks for is driven on the concealed valve, and it is asked again.
 ///
 /// # Errors
 /// The contestant's words, with the step at which it gave up.
-pub fn hold_trial<C: Contestant>(case: &Case, contestant: &mut C) -> Result<Trial, String> {
+pub fn hold_trial<C: Contestant>(case: &Case, contestant: &mut C, experiment: bool) -> Result<Trial, String> {
     let (valve, twin) = record_session(case);
     let step = |what: &'static str| move |words: String| format!("{what}: {words}");
     let base = contestant.identify(&valve.sweep, valve.commission.as_ref()).map_err(step("identify"))?;
-    let (answer, augmented) = contestant.diagnose(&valve.record, &base).map_err(step("diagnose"))?;
+    let (answer, augmented) = contestant.diagnose(&valve.record, None, &base).map_err(step("diagnose"))?;
+    let again = match contestant.proposed().filter(|_| experiment) {
+        None => None,
+        Some(points) => {
+            let driven = record_experiment(case, &points);
+            Some(contestant.diagnose(&valve.record, Some(&driven), &base).map_err(step("diagnose, with the experiment"))?)
+        }
+    };
     // from here on it is only scored
     let reference = contestant
         .identify(&twin.sweep, valve.commission.as_ref().and(twin.commission.as_ref()))
@@ -65,14 +79,19 @@ pub fn hold_trial<C: Contestant>(case: &Case, contestant: &mut C) -> Result<Tria
         augmented_bar: rmse(&augmented, &valve.holdout)?,
         floor_bar: rmse(&reference, &twin.holdout)?,
     };
-    Ok(Trial::new(case, answer, misfit))
+    let mut trial = Trial::new(case, answer, misfit);
+    if let Some((answer, augmented)) = again {
+        let misfit = Misfit { augmented_bar: rmse(&augmented, &valve.holdout)?, ..misfit };
+        trial.after = Some(Box::new(Trial::new(case, answer, misfit)));
+    }
+    Ok(trial)
 }
 
 impl Trial {
     /// A case with what was answered, scored.
     pub fn new(case: &Case, answer: Answer, misfit: Misfit) -> Self {
         let score = score(case, &answer, Some(misfit));
-        Self { case: case.clone(), answer, misfit, score }
+        Self { case: case.clone(), answer, misfit, score, after: None }
     }
 }
 
@@ -106,7 +125,7 @@ mod tests {
             }
             Ok((top / bottom, mp - top / bottom * mi))
         }
-        fn diagnose(&mut self, _: &Run, model: &(f64, f64)) -> Result<(Answer, (f64, f64)), String> {
+        fn diagnose(&mut self, _: &Run, _: Option<&Run>, model: &(f64, f64)) -> Result<(Answer, (f64, f64)), String> {
             Ok((
                 Answer { verdict: Verdict::Match, effects: Vec::new(), form: Vec::new(), claimed_gain_bar: 0.0, with_commission: false },
                 *model,
@@ -119,12 +138,12 @@ mod tests {
 
     #[test]
     fn who_never_complains_is_right_about_healthy_valves_only() {
-        let healthy = hold_trial(&placed(3, Vec::new()), &mut Line);
+        let healthy = hold_trial(&placed(3, Vec::new()), &mut Line, false);
         assert!(
             healthy.as_ref().is_ok_and(|t| t.score.outcome == Outcome::LeftAlone && t.misfit.base_bar == t.misfit.floor_bar),
             "{healthy:?}"
         );
-        let faulty = hold_trial(&placed(3, vec![Concealed { id: "leakage", variant: 0, severity: 1.0 }]), &mut Line);
+        let faulty = hold_trial(&placed(3, vec![Concealed { id: "leakage", variant: 0, severity: 1.0 }]), &mut Line, false);
         assert!(faulty.as_ref().is_ok_and(|t| t.score.outcome == Outcome::Silent && t.score.recovered == Some(0.0)), "{faulty:?}");
     }
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::challenge_contestant::{Processes, read_answer};
+use super::challenge_contestant::{DIAGNOSIS, DIAGNOSIS_2, Processes};
 use super::outputs::Force;
 use super::progress::left;
 use super::shard::Shard;
@@ -49,6 +49,9 @@ pub struct ChallengeArgs {
     /// Recordings of healthy valves that are damaged, or belong to another model: no cause may be named
     #[arg(long)]
     broken: bool,
+    /// Drive the experiment that a diagnosis asks for on the concealed valve, and ask again with both recordings
+    #[arg(long, conflicts_with_all = ["broken", "record", "fleet"])]
+    with_experiment: bool,
     /// Only record into --out: a folder of recordings for each valve and truth.json beside them; nothing is asked
     #[arg(long, requires = "out")]
     record: bool,
@@ -162,7 +165,8 @@ fn hold(args: &ChallengeArgs, seed: u64, cases: &[Case], seal: &Seal, folder: &P
             broken.push((how.name(), ask_broken(case, how, &mut contestant)));
             continue;
         }
-        results.push(held(case, &mut contestant, &sealed.join(format!("case-{:02}", k + 1)).join("misfit.json")));
+        let misfit = sealed.join(format!("case-{:02}", k + 1)).join("misfit.json");
+        results.push(held(case, &mut contestant, &misfit, args.with_experiment));
         asked.push(case.clone());
         if let (ChallengeFormat::Text, Some(result)) = (args.format, results.last()) {
             super::print(&report::line(k + 1, case, result))?;
@@ -188,22 +192,29 @@ fn hold(args: &ChallengeArgs, seed: u64, cases: &[Case], seal: &Seal, folder: &P
     Ok(if results.iter().any(Result::is_err) { exit::NEGATIVE } else { exit::DONE })
 }
 
-/// Holds a trial, or takes one that was held before from its files: the answer, and the misfit beside it.
-fn held(case: &Case, contestant: &mut Processes, misfit: &Path) -> report::Outcome {
+/// Holds a trial, or takes one that was held before from its files: the answers, and the misfit beside them.
+fn held(case: &Case, contestant: &mut Processes, misfit: &Path, experiment: bool) -> report::Outcome {
     let before = || {
         let kept: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(misfit).ok()?).ok()?;
         let bar = |key: &str| kept[key].as_f64();
-        let text = std::fs::read_to_string(contestant.blind.join("diagnosis.json")).ok()?;
-        let answer = read_answer(&text, contestant.blind.join("commission.csv").exists()).ok()?;
-        let misfit = Misfit { base_bar: bar("base")?, augmented_bar: bar("augmented")?, floor_bar: bar("floor")? };
-        (kept["version"] == env!("CARGO_PKG_VERSION")).then(|| Trial::new(case, answer, misfit))
+        let as_answered = Misfit { base_bar: bar("base")?, augmented_bar: bar("augmented")?, floor_bar: bar("floor")? };
+        let mut trial = Trial::new(case, contestant.answered(DIAGNOSIS).ok()?, as_answered);
+        if let Some(augmented_bar) = bar("augmented_after") {
+            let after = Trial::new(case, contestant.answered(DIAGNOSIS_2).ok()?, Misfit { augmented_bar, ..as_answered });
+            trial.after = Some(Box::new(after));
+        }
+        let as_asked = kept["version"] == env!("CARGO_PKG_VERSION") && kept["experiment"].as_bool().unwrap_or(false) == experiment;
+        as_asked.then_some(trial)
     };
     if let Some(trial) = before() {
         return Ok(trial);
     }
-    let trial = hold_trial(case, contestant)?;
+    let trial = hold_trial(case, contestant, experiment)?;
     let m = trial.misfit;
-    let kept = json!({ "version": env!("CARGO_PKG_VERSION"), "base": m.base_bar, "augmented": m.augmented_bar, "floor": m.floor_bar });
+    let kept = json!({
+        "version": env!("CARGO_PKG_VERSION"), "base": m.base_bar, "augmented": m.augmented_bar, "floor": m.floor_bar,
+        "experiment": experiment, "augmented_after": trial.after.as_ref().map(|t| t.misfit.augmented_bar),
+    });
     write_text(misfit, &format!("{kept:#}\n")).map_err(|e| e.to_string())?;
     Ok(trial)
 }
@@ -212,7 +223,7 @@ fn held(case: &Case, contestant: &mut Processes, misfit: &Path) -> report::Outco
 fn ask_broken(case: &Case, how: Broken, contestant: &mut Processes) -> Result<crate::challenge::Answer, String> {
     let session = break_record(case, how);
     let model = contestant.identify(&session.sweep, session.commission.as_ref())?;
-    contestant.diagnose(&session.record, &model).map(|(answer, _)| answer)
+    contestant.diagnose(&session.record, None, &model).map(|(answer, _)| answer)
 }
 
 /// A seed that nobody chose: the digits of the clock.

@@ -13,7 +13,7 @@ use crate::recording::{Recording, Run};
 pub(super) struct Processes<'a> {
     program: &'a Path,
     /// Holds the recordings of the case that may be seen, and what is made of them.
-    pub(super) blind: PathBuf,
+    blind: PathBuf,
     /// Holds the second drive.
     scoring: PathBuf,
     /// Holds the healthy twin.
@@ -43,6 +43,18 @@ impl<'a> Processes<'a> {
     }
 }
 
+/// The answer, and that after an experiment.
+pub(super) const DIAGNOSIS: &str = "diagnosis.json";
+pub(super) const DIAGNOSIS_2: &str = "diagnosis-2.json";
+
+impl Processes<'_> {
+    /// What a kept diagnosis of the case says.
+    pub(super) fn answered(&self, diagnosis: &str) -> Result<Answer, String> {
+        let text = std::fs::read_to_string(self.blind.join(diagnosis)).map_err(|e| format!("{diagnosis}: {e}"))?;
+        read_answer(&text, self.blind.join("commission.csv").exists())
+    }
+}
+
 impl Contestant for Processes<'_> {
     type Model = PathBuf;
 
@@ -61,14 +73,27 @@ impl Contestant for Processes<'_> {
         absolute(&folder.join("model.toml"))
     }
 
-    fn diagnose(&mut self, record: &Run, _: &PathBuf) -> Result<(Answer, PathBuf), String> {
+    fn diagnose(&mut self, record: &Run, experiment: Option<&Run>, _: &PathBuf) -> Result<(Answer, PathBuf), String> {
         write_run(&self.blind.join("record.csv"), record).map_err(|e| e.to_string())?;
-        let text =
-            self.call(&self.blind, &["diagnose", "record.csv", "--model", "model.toml", "-o", "augmented.toml", "--format", "json"])?;
-        write_text(&self.blind.join("diagnosis.json"), &text).map_err(|e| e.to_string())?;
-        let answer = read_answer(&text, self.blind.join("commission.csv").exists())?;
-        let augmented = self.blind.join("augmented.toml");
+        let mut args = vec!["diagnose", "record.csv"];
+        let (mut augmented, mut diagnosis) = ("augmented.toml", DIAGNOSIS);
+        if let Some(run) = experiment {
+            write_run(&self.blind.join("experiment.csv"), run).map_err(|e| e.to_string())?;
+            args.push("experiment.csv");
+            (augmented, diagnosis) = ("augmented-2.toml", DIAGNOSIS_2);
+        }
+        args.extend(["--model", "model.toml", "-o", augmented, "--format", "json"]);
+        let text = self.call(&self.blind, &args)?;
+        write_text(&self.blind.join(diagnosis), &text).map_err(|e| e.to_string())?;
+        let answer = self.answered(diagnosis)?;
+        let augmented = self.blind.join(augmented);
         Ok((answer, absolute(&if augmented.exists() { augmented } else { self.blind.join("model.toml") })?))
+    }
+
+    fn proposed(&self) -> Option<Vec<(f64, f64)>> {
+        let text = std::fs::read_to_string(self.blind.join(DIAGNOSIS)).ok()?;
+        let document: Value = serde_json::from_str(&text).ok()?;
+        serde_json::from_value(document["next_experiment"]["table"].clone()).ok()
     }
 
     fn simulate(&mut self, model: &PathBuf, run: &Run) -> Result<Vec<f64>, String> {
@@ -85,7 +110,7 @@ fn absolute(path: &Path) -> Result<PathBuf, String> {
 }
 
 /// Reads what is scored from a diagnosis document.
-pub(super) fn read_answer(text: &str, with_commission: bool) -> Result<Answer, String> {
+fn read_answer(text: &str, with_commission: bool) -> Result<Answer, String> {
     let document: Value = serde_json::from_str(text).map_err(|e| format!("diagnosis: {e}"))?;
     let word = document["verdict"].as_str().unwrap_or_default();
     let verdict = Verdict::parse(word).ok_or_else(|| format!("diagnosis: verdict `{word}` is none of the contract's"))?;

@@ -155,10 +155,7 @@ fn take_out(valve: &mut Valve, part: &str) -> Result<(), CliError> {
 /// Writes the plan of the next experiment, or says why there is none.
 fn next_plan(path: &Path, args: &DiagnoseArgs, diagnosed: &Diagnosed) -> Result<(), CliError> {
     let Some(next) = &diagnosed.diagnosis.next_experiment else {
-        super::note(&format!(
-            "nothing was found that a rival could explain, so there is no experiment to plan; {} is not written",
-            path.display()
-        ));
+        super::note(&format!("this recording leaves nothing open that an experiment could decide; {} is not written", path.display()));
         return Ok(());
     };
     // A plan names its valve: the augmented model where it is stored, otherwise the one that was diagnosed.

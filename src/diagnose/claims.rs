@@ -6,6 +6,7 @@ use super::diagnosis::{Claim, Finding};
 use super::fit::Fit;
 use super::good::{Good, Price};
 use super::model::Simulator;
+use super::seen;
 use crate::physics::{Effect, Kind, effect};
 
 /// The same sensor on the same rig is not this much noisier from one recording to the next;
@@ -64,14 +65,17 @@ impl Findings<'_, '_> {
         self.good.filter(|_| found.rmse_bar >= fitter.criteria.structure_known * fitter.floor_bar)
     }
 
-    /// Whether most of what the chosen model gains over `without` lies behind movements of which data of the good valve shows none:
-    /// what that data would do there, nobody knows.
-    fn shows_where_unseen(&self, good: &Good, without: &Fit<'_>) -> bool {
+    /// Whether most of what the chosen model gains over `without`, by an effect on the form of the loop or another one, lies behind
+    /// movements of which data of the good valve shows none: what that valve would do there, nobody knows.
+    fn shows_where_unseen(&self, good: &Good, without: &Fit<'_>, of_form: bool) -> bool {
         let fitter = self.fitter;
         let residual = |fit: &Fit<'_>| self.residual(&self.simulated(fit));
         let gains = residual(without).into_iter().zip(residual(&self.search.chosen)).map(|(a, b)| a * a - b * b);
         let (mut unseen, mut all) = (0.0, 0.0);
-        for (gain, new) in gains.zip(good.has_not_seen(fitter.evidence, &fitter.criteria)).filter(|(g, _)| g.is_finite()) {
+        let faster = seen::faster(&good.evidence, fitter.evidence, &fitter.criteria);
+        let smaller = seen::smaller(&good.evidence, fitter.evidence, &fitter.criteria);
+        let new = faster.into_iter().zip(smaller).map(|(faster, smaller)| faster || of_form && smaller);
+        for (gain, new) in gains.zip(new).filter(|(g, _)| g.is_finite()) {
             all += gain;
             unseen += if new { gain } else { 0.0 };
         }
@@ -83,7 +87,7 @@ impl Findings<'_, '_> {
     pub fn claim(&self, k: usize, good: Option<&Good>, without: &Fit<'_>, gain_bar: Option<(f64, f64)>) -> Claim {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
-        let Some(good) = good.filter(|good| !self.shows_where_unseen(good, without)) else { return Claim::Lacks };
+        let Some(good) = good.filter(|good| !self.shows_where_unseen(good, without, effect.imitates_form())) else { return Claim::Lacks };
         // A loop whose form had to be corrected by the same effect already has changed its form only on paper.
         if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
             return Claim::Lacks;

@@ -49,9 +49,19 @@ pub struct Weighed<'a> {
     /// Its posterior share.
     pub share: f64,
     /// The rest of the credible set, best first.
-    pub rest: Vec<String>,
+    pub rest: Vec<Member<'a>>,
     /// The rival of the largest share, where that is much larger than its own.
     pub likelier: Option<(f64, Fit<'a>)>,
+}
+
+/// Another effect of a credible set.
+pub struct Member<'a> {
+    /// Its id.
+    pub id: &'static str,
+    /// Its posterior share.
+    pub share: f64,
+    /// The model with it.
+    pub fit: Fit<'a>,
 }
 
 impl<'a> Findings<'_, 'a> {
@@ -99,12 +109,17 @@ impl<'a> Findings<'_, 'a> {
             (false, true) => Verdict::PartlyExplained,
         };
         // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back, and
-        // what the good valve's own data have calibrated is not moved by a record in which nothing has changed.
+        // what the good valve's own data have calibrated is not moved by a record in which nothing has changed. Nor is it moved
+        // by what nobody understands: new values of the calibration would stand in for that on this drive only.
         let moved = rms(&self.residual(&base_bar)) > fitter.criteria.recalibrates * rms(&self.residual(&refit_bar));
         let as_ever = verdict == Verdict::Match && effects.is_empty() && (self.good.is_some() || form.is_empty());
-        let kept = as_ever && self.good.is_some() || !moved && (as_ever || search.chosen.model.effects.is_empty());
-        let mut augmented = if kept { self.given.valve.clone() } else { search.chosen.model.valve_file(&search.chosen.theta) };
-        let augmented_bar = if kept { base_bar.clone() } else { augmented_bar };
+        let found_nothing = search.chosen.model.effects.is_empty();
+        let kept = as_ever && (self.good.is_some() || !moved) || found_nothing && (!moved || verdict == Verdict::Unexplained);
+        let (mut augmented, augmented_bar) = match self.corrected(&base_bar).filter(|_| kept) {
+            Some(corrected) => corrected,
+            None if kept => (self.given.valve.clone(), base_bar.clone()),
+            None => (search.chosen.model.valve_file(&search.chosen.theta), augmented_bar),
+        };
         augmented.effects.extend(self.scattered.iter().map(|s| specification(s.effect, &s.finding.theta)));
         if evidence.noise_bar > 0.0 {
             augmented.noise_bar = evidence.noise_bar;
@@ -114,7 +129,12 @@ impl<'a> Findings<'_, 'a> {
             base: rms(&base_residual),
             base_heldout: rms(&base_residual),
             refit_heldout: self.with_masked(&refit_held, &measured_all, &refit_bar),
-            augmented_heldout: self.with_masked(&chosen_held, &measured_all, &augmented_bar),
+            augmented_heldout: if kept {
+                // It was not fitted to this record at all.
+                rms(&measured_all.iter().zip(&augmented_bar).map(|(y, p)| y - p).collect::<Vec<f64>>())
+            } else {
+                self.with_masked(&chosen_held, &measured_all, &augmented_bar)
+            },
             noise_floor: self.noise_bar(),
         };
         let recalibration = self.recalibration();
@@ -181,13 +201,13 @@ impl<'a> Findings<'_, 'a> {
             augmented_bar,
             runner_up_bar,
         };
-        let rival = self.rival(&diagnosis.effects);
+        let open = self.open(&diagnosis);
         let mut theta = if kept { self.given.calibrated() } else { search.chosen.theta.clone() };
         if let Some(base) = evidence.base.as_ref().filter(|_| kept) {
             base.undo(&mut theta);
         }
         let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
-        Diagnosed { diagnosis, augmented, curves, rival, recalibration }
+        Diagnosed { diagnosis, augmented, curves, open, recalibration }
     }
 
     /// RMSE of a held-out residual with the masked readings counted against the model again.
@@ -220,6 +240,17 @@ impl<'a> Findings<'_, 'a> {
         let mut out = Vec::new();
         Simulator::starting_at(self.fitter.evidence, MIDDLE).pressure(self.given, &theta, &mut out);
         out
+    }
+
+    /// The model as data of the good valve has corrected it, with its pressure [bar], where this record, which the corrections have
+    /// not seen, confirms them against the model as given.
+    fn corrected(&self, as_given_bar: &[f64]) -> Option<(Valve, Vec<f64>)> {
+        self.good.filter(|good| !good.corrections.is_empty() && self.fitter.evidence.base.is_none())?;
+        let theta = self.base.calibrated();
+        let mut pressure_bar = Vec::new();
+        Simulator::starting_at(self.fitter.evidence, MIDDLE).pressure(self.base, &theta, &mut pressure_bar);
+        let better = rms(&self.residual(&pressure_bar)) < rms(&self.residual(as_given_bar));
+        better.then(|| (self.base.valve.clone(), pressure_bar))
     }
 
     /// The effects of the course with their importance.
@@ -258,7 +289,7 @@ impl<'a> Findings<'_, 'a> {
                         heldout_gain_bar: gain,
                         heldout_gain_ci_bar: interval,
                         p_value,
-                        indistinguishable: rest.clone(),
+                        indistinguishable: rest.iter().map(|member| member.id.to_string()).collect(),
                         evidence,
                     },
                 )

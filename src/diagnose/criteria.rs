@@ -54,7 +54,8 @@ pub struct Criteria {
     /// The share of the record's rates that reference data must reach to speak for the model's dynamics.
     pub excites: f64,
     /// The share of a movement's rate that its fastest one must reach to exclude what shows after such movements only: a dynamic
-    /// that is not linear goes over into another at about twice what was seen of it.
+    /// that is not linear goes over into another at about twice what was seen of it. Likewise the share of its smallest swings that a
+    /// swing must reach, for what shows in the form of the loop.
     pub reaches: f64,
 }
 

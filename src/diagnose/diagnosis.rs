@@ -284,11 +284,12 @@ pub struct OnUnseen {
 /// A stimulus that separates rivals.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NextExperiment {
-    /// The rivals.
-    pub rivals: (String, String),
+    /// What it separates: the effects that could stand in each other's place, the one that was named first; where something is left
+    /// that none carries, those that come nearest.
+    pub rivals: Vec<String>,
     /// Name of the stimulus.
     pub stimulus: String,
-    /// RMS difference of the rivals' simulations on it, in units of the noise.
+    /// RMS difference of the chosen model's and the likeliest rival's simulations on it that it separates at all, in units of the noise.
     pub separation_sigma: f64,
     /// What to do.
     pub text: String,
@@ -326,23 +327,32 @@ pub struct Diagnosed {
     pub augmented: Valve,
     /// For the page.
     pub curves: Curves,
-    /// The model that comes closest to it; `None` where nothing was found.
-    pub rival: Option<Rival>,
+    /// What the recording leaves open; `None` where it decides.
+    pub open: Option<Open>,
     /// How a foreign base is to be read; `None` where the base is a valve. The effects about it are those of `augmented`.
     pub recalibration: Option<Recalibration>,
 }
 
-/// A model with another effect in place of one that was found.
+/// A question that the recording does not decide: which of several models the valve is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Open {
+    /// The effect whose name is in doubt; `None` where something is left that no effect carries.
+    pub named: Option<String>,
+    /// Share of the model that was chosen.
+    pub share: f64,
+    /// The others, likeliest first.
+    pub rivals: Vec<Rival>,
+}
+
+/// A model with another effect in place of one that was found, or besides those that were.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rival {
-    /// Id of the effect that it does without.
-    pub of: String,
-    /// Id of the effect that it has in place of it.
+    /// Id of the effect.
     pub id: String,
+    /// Its share.
+    pub share: f64,
     /// The model.
     pub valve: Valve,
-    /// Whether it explains the recording as well.
-    pub indistinguishable: bool,
 }
 
 #[cfg(test)]

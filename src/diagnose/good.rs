@@ -2,7 +2,6 @@
 //! then, and which effects that data excludes.
 
 use super::base::AT;
-use super::criteria::Criteria;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
 use super::error::DiagnoseError;
@@ -15,7 +14,7 @@ use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
 use super::search::{recalibrated, search_in};
 use super::{comparable, start};
-use crate::course::{Course, Preparation, Run};
+use crate::course::{Course, Preparation};
 use crate::physics::Effect;
 use crate::recording::Recording;
 use crate::valve::Valve;
@@ -89,55 +88,6 @@ impl Correction {
             ),
         }
     }
-}
-
-/// The recordings that move as fast as the record does, so that they can speak for the model on it.
-pub fn speaking<'r>(record: &Evidence, good: &'r [Recording], criteria: &Criteria) -> Vec<&'r Recording> {
-    let needed = criteria.excites * lively(&record.grids.iter().map(|g| (g.dt_s, g.current_a.as_slice())).collect::<Vec<_>>());
-    let moves = |r: &&Recording| lively(&r.runs.iter().map(|run| (run.step_s(), run.current_a.as_slice())).collect::<Vec<_>>()) >= needed;
-    good.iter().filter(moves).collect()
-}
-
-/// RMS rate of the current over tenths of a second [A/s]: steps and slow ramps alike count by what they move.
-fn lively(runs: &[(f64, &[f64])]) -> f64 {
-    let (mut sum, mut n) = (0.0, 0.0);
-    for (dt_s, current) in runs.iter().filter(|r| r.0 > 0.0) {
-        let every = tenth(*dt_s);
-        let thinned: Vec<f64> = current.iter().copied().filter(|i| i.is_finite()).step_by(every).collect();
-        for w in thinned.windows(2) {
-            sum += ((w[1] - w[0]) / (every as f64 * dt_s)).powi(2);
-            n += 1.0;
-        }
-    }
-    f64::sqrt(sum / f64::max(n, 1.0))
-}
-
-/// How fast the current has moved over the tenth of a second before each sample [A/s].
-fn rates(run: &Run) -> impl Iterator<Item = f64> {
-    let every = tenth(run.dt_s);
-    (0..run.len()).map(move |k| (run.current_a[k] - run.current_a[k.saturating_sub(every)]).abs() / (every as f64 * run.dt_s))
-}
-
-/// Which samples of `record` lie behind a movement so fast that `good` shows nothing of the kind.
-fn not_seen(good: &Evidence, record: &Evidence, criteria: &Criteria) -> Vec<bool> {
-    let fastest = good.grids.iter().flat_map(rates).fold(0.0, f64::max) / criteria.reaches;
-    let of_run = |run: &Run| {
-        let behind = (BEHIND_S / run.dt_s) as usize;
-        let mut last = None;
-        let seen = rates(run).enumerate().map(|(k, rate)| {
-            if rate > fastest {
-                last = Some(k);
-            }
-            last.is_some_and(|l| k - l <= behind)
-        });
-        seen.collect::<Vec<bool>>()
-    };
-    record.grids.iter().flat_map(of_run).collect()
-}
-
-/// Samples in a tenth of a second, at least one.
-fn tenth(dt_s: f64) -> usize {
-    ((0.1 / dt_s).round() as usize).max(1)
 }
 
 impl Good {
@@ -217,11 +167,6 @@ impl Good {
         (self.worst_bar.powi(2) - self.evidence.noise_bar.powi(2)).max(0.0).sqrt()
     }
 
-    /// Which samples of `record` lie behind a movement so fast that this data shows nothing of the kind.
-    pub fn has_not_seen(&self, record: &Evidence, criteria: &Criteria) -> Vec<bool> {
-        not_seen(&self.evidence, record, criteria)
-    }
-
     /// That data as a search looks at it.
     fn fitter(&self) -> Fitter<'_> {
         match &self.short {
@@ -269,9 +214,6 @@ fn worst(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     runs.fold(0.0, f64::max)
 }
 
-/// How long a valve shows a fast movement of the current [s].
-const BEHIND_S: f64 = 0.5;
-
 /// Values that are tried between what the record wants and what data of the good valve wants: shares of the way.
 const BETWEEN: [f64; 3] = [0.3, 0.6, 1.0];
 
@@ -279,24 +221,6 @@ const BETWEEN: [f64; 3] = [0.3, 0.6, 1.0];
 mod tests {
     use super::*;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
-
-    #[test]
-    fn a_movement_twice_as_fast_as_any_of_the_good_valve_is_unseen_for_half_a_second() {
-        // Up by 0.3 A within so many samples of 10 ms, after 2 s.
-        let run = |within: usize| {
-            let current: Vec<f64> = (0..600).map(|k: usize| 0.3 + 0.3 * (k.saturating_sub(200) as f64 / within as f64).min(1.0)).collect();
-            Run::even(None, 0.0, 0.01, current.clone(), current)
-        };
-        let evidence = |within: usize| held(vec![run(within)]);
-        let unseen = |good: usize, record: usize| {
-            let all = not_seen(&evidence(good), &evidence(record), &Criteria::default());
-            (all.iter().position(|u| *u), all.iter().filter(|u| **u).count())
-        };
-        assert_eq!(unseen(10, 10), (None, 0));
-        assert_eq!(unseen(10, 6), (None, 0), "not twice as fast over a tenth of a second");
-        let (first, count) = unseen(40, 10);
-        assert!(first.is_some_and(|k| (200..=210).contains(&k)) && (50..=70).contains(&count), "{first:?} {count}");
-    }
 
     #[test]
     fn a_model_is_known_no_better_than_on_the_run_that_it_fits_worst() {

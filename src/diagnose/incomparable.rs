@@ -65,5 +65,5 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
         runner_up_bar: Vec::new(),
     };
     let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
-    Diagnosed { diagnosis, augmented: base.valve.clone(), curves, rival: None, recalibration }
+    Diagnosed { diagnosis, augmented: base.valve.clone(), curves, open: None, recalibration }
 }

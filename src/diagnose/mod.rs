@@ -35,6 +35,7 @@ mod rival;
 mod scatter;
 mod screen;
 mod search;
+mod seen;
 mod signature;
 mod simulated;
 mod start;
@@ -121,7 +122,7 @@ fn on_evidence(
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
-    let speaking = good::speaking(&evidence, good, &Criteria::default());
+    let speaking = seen::speaking(&evidence, good, &Criteria::default());
     let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
     if let Some((base, good)) = evidence.base.as_mut().zip(good.as_ref().and_then(|g| g.evidence.base.as_ref())) {
         base.read_as(good.read());

@@ -1,32 +1,42 @@
-//! The model that comes closest to the one that was chosen: with another effect in place of one that was found.
+//! What a recording leaves open: the models that explain it about as well as the one that was chosen, or that come nearest to
+//! what is left.
 
 use super::conclude::Findings;
-use super::diagnosis::{Finding, Rival};
-use crate::physics::effect;
+use super::diagnosis::{Diagnosis, Open, Rival, Verdict};
+use super::fit::Fit;
+
+/// Of the candidates for what is left, so many are asked about.
+const NEAREST: usize = 3;
 
 impl Findings<'_, '_> {
-    /// The rival of the most important finding that cannot be told from another; where all can, the runner-up of the
-    /// first.
-    pub fn rival(&self, findings: &[Finding]) -> Option<Rival> {
+    /// The credible set of the most important name that is not certain; where all are, or there is none, and something is left: the
+    /// candidates that come nearest to it.
+    pub fn open(&self, diagnosis: &Diagnosis) -> Option<Open> {
         let chosen = &self.search.chosen;
         let number = |id: &str| chosen.model.effects.iter().position(|e| e.id() == id);
-        let close = findings.iter().find_map(|f| Some((number(&f.id)?, effect(f.indistinguishable.first()?)?, true)));
-        let next = || {
-            let of = findings.iter().find_map(|f| number(&f.id))?;
-            let first = self.search.rounds.first()?;
-            let taken = |id: &str| number(id).is_some();
-            Some((of, first.ranked.iter().map(|c| c.effect).find(|e| !taken(e.id()))?, false))
+        let in_doubt = diagnosis.effects.iter().filter_map(|f| Some((f, &self.weighed[number(&f.id)?]))).find(|(_, w)| !w.rest.is_empty());
+        if let Some((finding, weighed)) = in_doubt {
+            let rivals = weighed.rest.iter().map(|member| rival(member.id, member.share, &member.fit)).collect();
+            return Some(Open { named: Some(finding.id.clone()), share: weighed.share, rivals });
+        }
+        if !matches!(diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
+            return None;
+        }
+        // The round that went on from what stands in the answer, and found nothing worth adding.
+        let kept = |id: &str| diagnosis.effects.iter().chain(&diagnosis.form).any(|f| f.id == id);
+        let is_answer = |fit: &Fit<'_>| {
+            let effects = &fit.model.effects;
+            effects.iter().all(|e| kept(e.id())) && chosen.model.effects.iter().filter(|e| kept(e.id())).count() == effects.len()
         };
-        let (of, other, indistinguishable) = close.or_else(next)?;
-        let mut theta = chosen.theta.clone();
-        theta.drain(chosen.model.place(of));
-        let without = self.where_searched().refit(&chosen.model.without(of), &theta);
-        let fit = self.where_searched().fit_new(&without.model.with(other, 0.0), &without, &[]);
-        Some(Rival {
-            of: chosen.model.effects[of].id().into(),
-            id: other.id().into(),
-            valve: fit.model.valve_file(&fit.theta),
-            indistinguishable,
-        })
+        let round = self.search.rounds.iter().rev().find(|round| is_answer(&round.incumbent))?;
+        let before = round.incumbent.bic(round.effective);
+        let nearest: Vec<_> = round.ranked.iter().filter(|c| c.fit.bic(round.effective) < before).take(NEAREST).collect();
+        let share = 1.0 / (nearest.len() + 1) as f64;
+        let rivals: Vec<Rival> = nearest.into_iter().map(|c| rival(c.effect.id(), share, &c.fit)).collect();
+        (!rivals.is_empty()).then_some(Open { named: None, share, rivals })
     }
+}
+
+fn rival(id: &str, share: f64, fit: &Fit<'_>) -> Rival {
+    Rival { id: id.into(), share, valve: fit.model.valve_file(&fit.theta) }
 }

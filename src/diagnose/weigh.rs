@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::conclude::{Findings, Weighed};
+use super::conclude::{Findings, Member, Weighed};
 use super::fit::{Fit, Fitter};
 use super::heldout::held_out;
 use super::posterior;
@@ -120,7 +120,7 @@ impl<'a> Findings<'_, 'a> {
                 break;
             }
             held += share;
-            members.push(others[k].id().to_string());
+            members.push(Member { id: others[k].id(), share, fit: fits[k].clone() });
         }
         Weighed { without, share: shares[0], rest: members, likelier }
     }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
+use super::sharpened::sharpened;
 use crate::challenge::{Answer, Case, Curve, Share, Table, Trial, Verdict, formulation, tabulate, truth_of};
 
 /// What came of a case: a trial, or why there is none.
@@ -34,6 +35,16 @@ pub fn line(number: usize, case: &Case, outcome: &Outcome) -> String {
                 trial.score.recovered.map_or(String::new(), |r| format!(", recovered {r:.2}")),
             );
         }
+    }
+    if let Some(after) = outcome.as_ref().ok().and_then(|t| t.after.as_ref()) {
+        let _ = write!(
+            text,
+            "\n          with the experiment asked for, {} -> {}: {}; unseen drive {:.3} bar",
+            after.score.outcome.name(),
+            after.answer.verdict.name(),
+            answered(after),
+            after.misfit.augmented_bar
+        );
     }
     text.push('\n');
     text
@@ -132,6 +143,13 @@ pub fn text(outcomes: &[Outcome]) -> String {
         let row = detected(curve).map(|d| format!("{d:<16}")).concat();
         let _ = writeln!(text, "{:<14}{:>5}  {}", grade.name(), curve.named.of, row.trim_end());
     }
+    let sharpened = sharpened(outcomes.iter().flatten());
+    if !sharpened.is_empty() {
+        let _ = writeln!(text, "\n{:<52} {:<14}after", "valves whose diagnosis asked for an experiment", "before");
+        for (name, before, after) in sharpened {
+            let _ = writeln!(text, "{name:<52} {before:<14}{after}");
+        }
+    }
     text.push_str("\nconcealed -> named first\n");
     for (truth, named) in &table.confusion {
         let _ = writeln!(text, "{truth:<46} {}", named.iter().map(|(id, n)| format!("{id} {n}")).collect::<Vec<_>>().join(", "));
@@ -152,6 +170,13 @@ pub fn markdown(seed: u64, sha256: &str, outcomes: &[Outcome]) -> String {
     let _ = writeln!(text, "\n| misfit over the floor | of | {} |\n|---|---|---|---|---|---|---|", DETECTED.join(" | "));
     for (grade, curve) in &table.detection {
         let _ = writeln!(text, "| {} | {} | {} |", grade.name(), curve.named.of, detected(curve).join(" | "));
+    }
+    let sharpened = sharpened(outcomes.iter().flatten());
+    if !sharpened.is_empty() {
+        text.push_str("\n| valves whose diagnosis asked for an experiment | before it | with it |\n|---|---|---|\n");
+        for (name, before, after) in sharpened {
+            let _ = writeln!(text, "| {name} | {before} | {after} |");
+        }
     }
     text.push_str("\n| concealed | named first |\n|---|---|\n");
     for (truth, named) in &table.confusion {
@@ -230,6 +255,12 @@ fn row(case: &Case, outcome: &Outcome) -> Value {
             "outcome": t.score.outcome.name().to_lowercase().replace(' ', "_"),
             "spurious": t.score.spurious,
             "recovered": t.score.recovered.map(digits),
+            "after_experiment": t.after.as_ref().map(|after| json!({
+                "verdict": after.answer.verdict.name(),
+                "effects": after.answer.effects.iter().map(|e| json!({ "id": e.id, "indistinguishable": e.indistinguishable })).collect::<Vec<_>>(),
+                "augmented_bar": digits(after.misfit.augmented_bar),
+                "outcome": after.score.outcome.name().to_lowercase().replace(' ', "_"),
+            })),
         }),
     }
 }

@@ -14,6 +14,7 @@ mod junit;
 mod markdown;
 mod page;
 pub mod plot;
+mod sharpened;
 mod text;
 
 pub use html::{badge, html};

@@ -1,0 +1,148 @@
+//! Which movements of the current data of the good valve shows, and which only the record does: what the good valve does in those,
+//! nobody knows.
+
+use super::criteria::Criteria;
+use super::evidence::Evidence;
+use crate::course::Run;
+use crate::recording::Recording;
+
+/// How long a valve shows a fast movement of the current [s].
+const BEHIND_S: f64 = 0.5;
+
+/// A turn of the current of less than this share of its range is no reversal that a loop would be seen by.
+const REVERSAL: f64 = 0.02;
+
+/// The recordings that move as fast as the record does, so that they can speak for the model on it.
+pub fn speaking<'r>(record: &Evidence, good: &'r [Recording], criteria: &Criteria) -> Vec<&'r Recording> {
+    let needed = criteria.excites * lively(&record.grids.iter().map(|g| (g.dt_s, g.current_a.as_slice())).collect::<Vec<_>>());
+    let moves = |r: &&Recording| lively(&r.runs.iter().map(|run| (run.step_s(), run.current_a.as_slice())).collect::<Vec<_>>()) >= needed;
+    good.iter().filter(moves).collect()
+}
+
+/// RMS rate of the current over tenths of a second [A/s]: steps and slow ramps alike count by what they move.
+fn lively(runs: &[(f64, &[f64])]) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (dt_s, current) in runs.iter().filter(|r| r.0 > 0.0) {
+        let every = tenth(*dt_s);
+        let thinned: Vec<f64> = current.iter().copied().filter(|i| i.is_finite()).step_by(every).collect();
+        for w in thinned.windows(2) {
+            sum += ((w[1] - w[0]) / (every as f64 * dt_s)).powi(2);
+            n += 1.0;
+        }
+    }
+    f64::sqrt(sum / f64::max(n, 1.0))
+}
+
+/// How fast the current has moved over the tenth of a second before each sample [A/s].
+fn rates(run: &Run) -> impl Iterator<Item = f64> {
+    let every = tenth(run.dt_s);
+    (0..run.len()).map(move |k| (run.current_a[k] - run.current_a[k.saturating_sub(every)]).abs() / (every as f64 * run.dt_s))
+}
+
+/// Which samples of `record` lie behind a movement so fast that `good` shows nothing of the kind.
+pub fn faster(good: &Evidence, record: &Evidence, criteria: &Criteria) -> Vec<bool> {
+    let fastest = good.grids.iter().flat_map(rates).fold(0.0, f64::max) / criteria.reaches;
+    let of_run = |run: &Run| {
+        let behind = (BEHIND_S / run.dt_s) as usize;
+        let mut last = None;
+        let seen = rates(run).enumerate().map(|(k, rate)| {
+            if rate > fastest {
+                last = Some(k);
+            }
+            last.is_some_and(|l| k - l <= behind)
+        });
+        seen.collect::<Vec<bool>>()
+    };
+    record.grids.iter().flat_map(of_run).collect()
+}
+
+/// Samples in a tenth of a second, at least one.
+fn tenth(dt_s: f64) -> usize {
+    ((0.1 / dt_s).round() as usize).max(1)
+}
+
+/// Which samples of `record` lie behind a swing between two reversals so small that `good` shows next to none of the kind: how the
+/// loop closes there is a matter of its form, which larger loops do not tell.
+pub fn smaller(good: &Evidence, record: &Evidence, criteria: &Criteria) -> Vec<bool> {
+    let mut known: Vec<f64> = good.grids.iter().flat_map(swings).collect();
+    known.sort_by(f64::total_cmp);
+    // One wiggle at the end of a sweep shows nothing.
+    let smallest = known.get(known.len() / 20).copied().unwrap_or(f64::INFINITY);
+    record.grids.iter().flat_map(swings).map(|swing| swing < criteria.reaches * smallest).collect()
+}
+
+/// At each sample the length of the last whole swing before it, from reversal to reversal [A]; before the second reversal that of the
+/// first way.
+fn swings(run: &Run) -> Vec<f64> {
+    let current = &run.current_a;
+    let (low, high) = current.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), i| (l.min(*i), h.max(*i)));
+    let least = REVERSAL * (high - low);
+    let Some(first) = current.first().copied() else { return Vec::new() };
+    let (mut turn, mut furthest, mut rising, mut last) = (first, first, None, None);
+    let mut out: Vec<Option<f64>> = Vec::with_capacity(current.len());
+    for i in current {
+        let ahead = match rising {
+            Some(true) => i - furthest,
+            Some(false) => furthest - i,
+            None => 0.0,
+        };
+        if rising.is_none() && (i - first).abs() > least {
+            (rising, furthest) = (Some(*i > first), *i);
+        } else if ahead > 0.0 {
+            furthest = *i;
+        } else if ahead < -least {
+            last = Some((furthest - turn).abs());
+            (turn, furthest, rising) = (furthest, *i, rising.map(|r| !r));
+        }
+        out.push(last);
+    }
+    let before = out.iter().flatten().next().copied().unwrap_or(high - low);
+    out.into_iter().map(|swing| swing.unwrap_or(before)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::evidence::tests::held;
+
+    #[test]
+    fn a_movement_twice_as_fast_as_any_of_the_good_valve_is_unseen_for_half_a_second() {
+        // Up by 0.3 A within so many samples of 10 ms, after 2 s.
+        let run = |within: usize| {
+            let current: Vec<f64> = (0..600).map(|k: usize| 0.3 + 0.3 * (k.saturating_sub(200) as f64 / within as f64).min(1.0)).collect();
+            Run::even(None, 0.0, 0.01, current.clone(), current)
+        };
+        let evidence = |within: usize| held(vec![run(within)]);
+        let unseen = |good: usize, record: usize| {
+            let all = faster(&evidence(good), &evidence(record), &Criteria::default());
+            (all.iter().position(|u| *u), all.iter().filter(|u| **u).count())
+        };
+        assert_eq!(unseen(10, 10), (None, 0));
+        assert_eq!(unseen(10, 6), (None, 0), "not twice as fast over a tenth of a second");
+        let (first, count) = unseen(40, 10);
+        assert!(first.is_some_and(|k| (200..=210).contains(&k)) && (50..=70).contains(&count), "{first:?} {count}");
+    }
+
+    #[test]
+    fn a_swing_half_as_large_as_any_of_the_good_valve_is_unseen() {
+        let waves = |swings: &[f64]| {
+            let mut current = vec![0.3];
+            for (k, swing) in swings.iter().enumerate() {
+                let (from, way) = (current[current.len() - 1], if k % 2 == 0 { *swing } else { -swing });
+                current.extend((1..=100).map(|j| from + way * f64::from(j) / 100.0));
+            }
+            held(vec![Run::even(None, 0.0, 0.01, current.clone(), current)])
+        };
+        let (good, criteria) = (waves(&[0.5, 0.5, 0.4, 0.2, 0.2, 0.2]), Criteria::default());
+        let share = |record: &Evidence| {
+            let new = smaller(&good, record, &criteria);
+            new.iter().filter(|u| **u).count() as f64 / new.len() as f64
+        };
+        assert!(share(&waves(&[0.5, 0.3, 0.2, 0.15, 0.15])) < 1e-9);
+        assert!(share(&waves(&[0.5, 0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.05])) > 0.6);
+        let one_wiggle =
+            waves(&[0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.05]);
+        let small = waves(&[0.5, 0.05, 0.05, 0.05, 0.05, 0.05]);
+        assert!(smaller(&one_wiggle, &small, &criteria).iter().any(|u| *u), "one wiggle at the end shows nothing");
+    }
+}
