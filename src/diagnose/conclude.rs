@@ -17,6 +17,7 @@ use super::scatter::Scattered;
 use super::search::Search;
 use crate::physics::{EFFECTS, Kind, specification};
 use crate::recording::Recording;
+use crate::valve::Valve;
 
 /// Everything that the searches found, to be put into words.
 pub struct Findings<'s, 'a> {
