@@ -244,5 +244,5 @@ fn diagnosed(
         augmented_bar,
         runner_up_bar: Vec::new(),
     };
-    Diagnosed { diagnosis, augmented, curves, rival: None, recalibration: None }
+    Diagnosed { diagnosis, augmented, curves, open: None, recalibration: None }
 }
