@@ -10,7 +10,7 @@ const NEAREST: usize = 3;
 
 impl Findings<'_, '_> {
     /// The credible set of the most important name that is not certain; where all are, or there is none, and something is left: the
-    /// candidates that come nearest to it.
+    /// candidates that come nearest to it, with strong evidence on this record and yet without proof.
     pub fn open(&self, diagnosis: &Diagnosis) -> Option<Open> {
         let chosen = &self.search.chosen;
         let number = |id: &str| chosen.model.effects.iter().position(|e| e.id() == id);
@@ -29,8 +29,8 @@ impl Findings<'_, '_> {
             effects.iter().all(|e| kept(e.id())) && chosen.model.effects.iter().filter(|e| kept(e.id())).count() == effects.len()
         };
         let round = self.search.rounds.iter().rev().find(|round| is_answer(&round.incumbent))?;
-        let before = round.incumbent.bic(round.effective);
-        let nearest: Vec<_> = round.ranked.iter().filter(|c| c.fit.bic(round.effective) < before).take(NEAREST).collect();
+        let (before, criteria) = (round.incumbent.bic(round.effective), &self.fitter.criteria);
+        let nearest: Vec<_> = round.ranked.iter().filter(|c| c.fit.bic(round.effective) < before - criteria.very_strong).take(NEAREST).collect();
         let share = 1.0 / (nearest.len() + 1) as f64;
         let rivals: Vec<Rival> = nearest.into_iter().map(|c| rival(c.effect.id(), share, &c.fit)).collect();
         (!rivals.is_empty()).then_some(Open { named: None, share, rivals })

@@ -97,6 +97,9 @@ impl Found<'_> {
         valve.effects.extend(beside);
         valve.noise_bar = noise_bar;
         found.augmented = valve;
+        // The augmented model has the term; of what is left, no effect of the library is asked about any more.
+        found.diagnosis.rmse_bar.augmented_heldout = self.unseen.last().map_or(self.fit.rmse_bar, |u| u.rmse_bar.1);
+        found.open = found.open.take().filter(|open| open.named.is_some());
     }
 }
 
