@@ -30,7 +30,8 @@ impl Findings<'_, '_> {
         };
         let round = self.search.rounds.iter().rev().find(|round| is_answer(&round.incumbent))?;
         let (before, criteria) = (round.incumbent.bic(round.effective), &self.fitter.criteria);
-        let nearest: Vec<_> = round.ranked.iter().filter(|c| c.fit.bic(round.effective) < before - criteria.very_strong).take(NEAREST).collect();
+        let nearest: Vec<_> =
+            round.ranked.iter().filter(|c| c.fit.bic(round.effective) < before - criteria.very_strong).take(NEAREST).collect();
         let share = 1.0 / (nearest.len() + 1) as f64;
         let rivals: Vec<Rival> = nearest.into_iter().map(|c| rival(c.effect.id(), share, &c.fit)).collect();
         (!rivals.is_empty()).then_some(Open { named: None, share, rivals })

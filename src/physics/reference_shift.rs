@@ -112,32 +112,43 @@ impl Line {
     }
 }
 
+/// Share of the readings on either side of an instant that lies next to it.
+const NEXT: f64 = 0.01;
+/// Part of a change that must have come within the readings next to its instant: a drift or a wander has two sides as well.
+const AT_ONCE: f64 = 0.5;
+
 /// The instant [s] on whose sides two straight lines over the pressure leave the least of the residual, and what changes
-/// there: gain and offset [bar]. Each side has a twentieth of the readings.
+/// there: gain and offset [bar]. Each side has a twentieth of the readings; `None` where the change does not come at once.
 fn best_instant(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
     let most_bar = 5.0 * hint.scale_bar;
-    let read = |k: usize| {
-        let (p, e) = (hint.pressure_bar[k], hint.residual_bar[k]);
-        (p.is_finite() && e.is_finite()).then(|| (p, e.clamp(-most_bar, most_bar)))
-    };
-    let samples = 0..hint.residual_bar.len();
-    let all = samples.clone().filter_map(read).fold(Line::default(), |line, (p, e)| line.and(p, e));
-    let least = 0.05 * all.n;
-    let (mut before, mut best) = (Line::default(), None::<(f64, f64, f64, f64)>);
-    for k in samples {
-        if before.n >= least.max(2.0) && all.n - before.n >= least.max(2.0) {
-            let (first, second) = (before.fitted(), all.without(before).fitted());
-            let taken = first.2 + second.2;
+    let readings: Vec<(usize, f64, f64)> = (0..hint.residual_bar.len())
+        .map(|k| (k, hint.pressure_bar[k], hint.residual_bar[k].clamp(-most_bar, most_bar)))
+        .filter(|(_, p, e)| p.is_finite() && e.is_finite())
+        .collect();
+    let all = readings.iter().fold(Line::default(), |line, (_, p, e)| line.and(*p, *e));
+    let least = (readings.len() / 20).max(2);
+    let (mut before, mut best) = (Line::default(), None::<(f64, usize, [(f64, f64, f64); 2])>);
+    for (j, (_, p, e)) in readings.iter().enumerate() {
+        if j >= least && readings.len() - j >= least {
+            let sides = [before.fitted(), all.without(before).fitted()];
+            let taken = sides[0].2 + sides[1].2;
             if best.is_none_or(|(most, ..)| taken > most) {
-                let from_s = hint.start_s + (k as f64 - 0.5) * hint.dt_s;
-                best = Some((taken, from_s, second.0 - first.0, second.1 - first.1));
+                best = Some((taken, j, sides));
             }
         }
-        if let Some((p, e)) = read(k) {
-            before = before.and(p, e);
-        }
+        before = before.and(*p, *e);
     }
-    best.map(|(_, from_s, gain, offset_bar)| (from_s, gain, offset_bar))
+    let (_, at, [first, second]) = best?;
+    let next = ((NEXT * readings.len() as f64) as usize).max(5).min(least);
+    // Against the line before: how far the readings just behind are from those just ahead, and how far both lines say they are.
+    let mean =
+        |of: &[(usize, f64, f64)], value: &dyn Fn(f64, f64) -> f64| of.iter().map(|(_, p, e)| value(*p, *e)).sum::<f64>() / of.len() as f64;
+    let over_first = |p: f64, e: f64| e - first.0 * p - first.1;
+    let came = mean(&readings[at..at + next], &over_first) - mean(&readings[at - next..at], &over_first);
+    let (gain, offset_bar) = (second.0 - first.0, second.1 - first.1);
+    let said = mean(&readings[at..at + next], &|p, _| gain * p + offset_bar);
+    let from_s = hint.start_s + (readings[at].0 as f64 - 0.5) * hint.dt_s;
+    (came * said > AT_ONCE * said * said).then_some((from_s, gain, offset_bar))
 }
 
 struct Shift {
@@ -188,6 +199,28 @@ mod tests {
             let found = &ReferenceShift.propose(&hint)[1];
             assert!((found[2] - (3.0 + 0.01 * at as f64)).abs() < 0.011, "{found:?}");
             assert!((found[0] - 0.01).abs() < 1e-3 && (found[1] - 0.2).abs() < 0.01, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn what_comes_slowly_has_no_instant() {
+        let n = 4000;
+        let pressure: Vec<f64> = (0..n).map(|k| 8.0 + 6.0 * (0.004 * k as f64).sin()).collect();
+        let noise = |k: usize| 0.02 * ((k * 7919 % 101) as f64 / 50.0 - 1.0);
+        let ramp: Vec<f64> = (0..n).map(|k| noise(k) + 0.4 * k as f64 / n as f64).collect();
+        let wander: Vec<f64> = (0..n).map(|k| noise(k) + 0.3 * (0.0023 * k as f64).sin()).collect();
+        for residual in [ramp, wander] {
+            let hint = Hint {
+                start_s: 0.0,
+                dt_s: 0.01,
+                current_a: &pressure,
+                delay_s: 0.02,
+                residual_bar: &residual,
+                pressure_bar: &pressure,
+                scale_bar: 0.2,
+                recalibrated: (0.0, 0.0),
+            };
+            assert_eq!(ReferenceShift.propose(&hint).len(), 1);
         }
     }
 }
