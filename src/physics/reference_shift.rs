@@ -116,6 +116,9 @@ impl Line {
 const NEXT: f64 = 0.01;
 /// Part of a change that must have come within the readings next to its instant: a drift or a wander has two sides as well.
 const AT_ONCE: f64 = 0.5;
+/// By how much it must exceed every other change between neighbouring stretches of that length: a model that errs with the movement
+/// has many.
+const ALONE: f64 = 2.0;
 
 /// The instant [s] on whose sides two straight lines over the pressure leave the least of the residual, and what changes
 /// there: gain and offset [bar]. Each side has a twentieth of the readings; `None` where the change does not come at once.
@@ -148,7 +151,10 @@ fn best_instant(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
     let (gain, offset_bar) = (second.0 - first.0, second.1 - first.1);
     let said = mean(&readings[at..at + next], &|p, _| gain * p + offset_bar);
     let from_s = hint.start_s + (readings[at].0 as f64 - 0.5) * hint.dt_s;
-    (came * said > AT_ONCE * said * said).then_some((from_s, gain, offset_bar))
+    let levels: Vec<f64> = readings.chunks_exact(next).map(|chunk| mean(chunk, &over_first)).collect();
+    let elsewhere = levels.windows(2).enumerate().filter(|(w, _)| ((w + 1) * next).abs_diff(at) > next).map(|(_, l)| (l[1] - l[0]).abs());
+    let alone = came.abs() > ALONE * elsewhere.fold(0.0, f64::max);
+    (alone && came * said > AT_ONCE * said * said).then_some((from_s, gain, offset_bar))
 }
 
 struct Shift {

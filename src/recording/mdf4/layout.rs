@@ -196,7 +196,7 @@ impl Channel {
             1 => return Err("its values vary in length; numbers are wanted".into()),
             _ => {
                 let at = self.byte_offset;
-                let bytes = (self.bit_offset + self.bit_count).div_ceil(8) as usize;
+                let bytes = self.bit_offset.saturating_add(self.bit_count).div_ceil(8) as usize;
                 let big = self.data_type % 2 == 1;
                 let raw = match (self.data_type, self.bit_count) {
                     (0..=3, 1..=64) if self.bit_offset < 8 => {
@@ -275,6 +275,26 @@ fn half(bits: u16) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_channel_of_more_bits_than_can_be_counted_is_refused() {
+        let channel = Channel {
+            name: "P".into(),
+            unit: String::new(),
+            conversion: 0,
+            kind: 0,
+            sync: 0,
+            data_type: 0,
+            bit_offset: 7,
+            byte_offset: 0,
+            bit_count: u32::MAX,
+            flags: 0,
+            invalid_bit: 0,
+            array: false,
+        };
+        let refused = channel.raw(&Group { data_bytes: 8, ..Group::default() });
+        assert!(refused.is_err_and(|why| why.contains("bits are no numbers")));
+    }
 
     #[test]
     fn known_raw_values() {

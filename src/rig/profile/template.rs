@@ -47,6 +47,9 @@ pub struct Template {
 impl Template {
     /// Reads a template; the message says what is wrong and what is allowed.
     pub fn parse(text: &str, terminator: &str, checksum: Checksum) -> Result<Self, String> {
+        if !text.is_ascii() {
+            return Err(format!("`{text}`: a line of ASCII text is wanted"));
+        }
         let mut pieces = Vec::new();
         let mut rest = text;
         while let Some(open) = rest.find('{') {
@@ -62,7 +65,7 @@ impl Template {
         if !rest.is_empty() {
             pieces.push(Piece::Literal(rest.into()));
         }
-        if pieces.is_empty() || !text.is_ascii() {
+        if pieces.is_empty() {
             return Err(format!("`{text}`: a line of ASCII text is wanted"));
         }
         if terminator.is_empty() || !terminator.is_ascii() {
@@ -232,6 +235,7 @@ mod tests {
         insta::assert_snapshot!(message("{token q}"), @"`{token q}`: the format is `d` or `x`, with the number of digits: `x4`");
         insta::assert_snapshot!(message("{token}{status}"), @"`{token}{status}`: two values without text between them cannot be told apart");
         insta::assert_snapshot!(message("a{token"), @"`a{token`: `{` without `}`");
+        insta::assert_snapshot!(message("{token \u{fffd}4}"), @"`{token �4}`: a line of ASCII text is wanted");
     }
 
     proptest! {
