@@ -167,7 +167,7 @@ impl Term {
     /// The term of a text; where its states were seen is not in it.
     ///
     /// # Errors
-    /// [`FormulaError`] in words for the user.
+    /// What is wrong with the formula, in words for the user.
     pub fn parse(text: &str) -> Result<Self, FormulaError> {
         let mut parts = text.split(" * ");
         let coefficient_bar = PRESSURE.parse(parts.next().unwrap_or_default())?;
