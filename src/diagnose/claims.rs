@@ -73,8 +73,12 @@ impl Findings<'_, '_> {
         let gains = residual(without).into_iter().zip(residual(&self.search.chosen)).map(|(a, b)| a * a - b * b);
         let (mut unseen, mut all) = (0.0, 0.0);
         let faster = seen::faster(&good.evidence, fitter.evidence, &fitter.criteria);
-        let smaller = seen::smaller(&good.evidence, fitter.evidence, &fitter.criteria);
-        let new = faster.into_iter().zip(smaller).map(|(faster, smaller)| faster || of_form && smaller);
+        let new = if of_form {
+            let smaller = seen::smaller(&good.evidence, fitter.evidence, &fitter.criteria);
+            faster.into_iter().zip(smaller).map(|(faster, smaller)| faster || smaller).collect()
+        } else {
+            faster
+        };
         for (gain, new) in gains.zip(new).filter(|(g, _)| g.is_finite()) {
             all += gain;
             unseen += if new { gain } else { 0.0 };

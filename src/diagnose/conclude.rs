@@ -116,7 +116,7 @@ impl<'a> Findings<'_, 'a> {
         let as_ever = verdict == Verdict::Match && effects.is_empty() && (self.good.is_some() || form.is_empty());
         let found_nothing = search.chosen.model.effects.is_empty();
         let kept = as_ever && (self.good.is_some() || !moved) || found_nothing && (!moved || verdict == Verdict::Unexplained);
-        let (mut augmented, augmented_bar) = match self.corrected(&base_bar).filter(|_| kept) {
+        let (mut augmented, augmented_bar) = match kept.then(|| self.corrected(&base_bar)).flatten() {
             Some(corrected) => corrected,
             None if kept => (self.given.valve.clone(), base_bar.clone()),
             None => (search.chosen.model.valve_file(&search.chosen.theta), augmented_bar),
@@ -186,22 +186,7 @@ impl<'a> Findings<'_, 'a> {
             notes,
         };
         diagnosis.summary = super::words::summary(&diagnosis);
-        let mut runs = Vec::new();
-        let mut begin = 0;
-        for grid in &evidence.grids {
-            runs.push((begin, grid.name.clone()));
-            begin += grid.current_a.len();
-        }
-        let curves = Curves {
-            runs,
-            time_s: evidence.grids.iter().flat_map(|g| (0..g.len()).map(|k| g.reading_s(k))).collect(),
-            current_a: evidence.grids.iter().flat_map(|g| g.current_a.iter().copied()).collect(),
-            measured_bar: measured_all,
-            base_bar,
-            refit_bar,
-            augmented_bar,
-            runner_up_bar,
-        };
+        let curves = Curves { base_bar, refit_bar, augmented_bar, runner_up_bar, ..Curves::along(evidence) };
         let open = self.open(&diagnosis);
         let mut theta = if kept { self.given.calibrated() } else { search.chosen.theta.clone() };
         if let Some(base) = evidence.base.as_ref().filter(|_| kept) {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::coil::CoilCurrent;
 use super::foreign::Recalibration;
 use super::mistake::Mistake;
+use super::evidence::Evidence;
 use crate::valve::Valve;
 
 /// The schema key of a diagnosis.
@@ -316,6 +317,24 @@ pub struct Curves {
     pub augmented_bar: Vec<f64>,
     /// The runner-up in place of the first effect [bar]; empty where there is none.
     pub runner_up_bar: Vec<f64>,
+}
+
+impl Curves {
+    /// The recording, and nothing simulated along it yet.
+    pub fn along(evidence: &Evidence) -> Self {
+        let mut begin = 0;
+        let begins = evidence.grids.iter().map(|grid| {
+            begin += grid.len();
+            (begin - grid.len(), grid.name.clone())
+        });
+        Self {
+            runs: begins.collect(),
+            time_s: evidence.grids.iter().flat_map(|g| (0..g.len()).map(|k| g.reading_s(k))).collect(),
+            current_a: evidence.grids.iter().flat_map(|g| g.current_a.iter().copied()).collect(),
+            measured_bar: evidence.pressure_bar(),
+            ..Self::default()
+        }
+    }
 }
 
 /// A diagnosis with the model that it recommends.

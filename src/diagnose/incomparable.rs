@@ -23,12 +23,6 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
         mistake.text(),
         100.0 * share
     );
-    let mut runs = Vec::new();
-    let mut begin = 0;
-    for grid in &evidence.grids {
-        runs.push((begin, grid.name.clone()));
-        begin += grid.current_a.len();
-    }
     let diagnosis = Diagnosis {
         schema: SCHEMA.into(),
         recording: recording.source.clone(),
@@ -54,16 +48,7 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
         next_experiment: None,
         notes: evidence.notes.clone(),
     };
-    let curves = Curves {
-        runs,
-        time_s: evidence.grids.iter().flat_map(|g| (0..g.len()).map(|k| g.reading_s(k))).collect(),
-        current_a: evidence.grids.iter().flat_map(|g| g.current_a.iter().copied()).collect(),
-        measured_bar: measured,
-        base_bar: simulated.clone(),
-        refit_bar: simulated.clone(),
-        augmented_bar: simulated,
-        runner_up_bar: Vec::new(),
-    };
+    let curves = Curves { base_bar: simulated.clone(), refit_bar: simulated.clone(), augmented_bar: simulated, ..Curves::along(evidence) };
     let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
     Diagnosed { diagnosis, augmented: base.valve.clone(), curves, open: None, recalibration }
 }

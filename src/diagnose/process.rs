@@ -32,10 +32,11 @@ pub fn look(recording: &Recording, evidence: &mut Evidence, given: &Model<'_>) -
     let notes = notes(&found, evidence.step_s());
     evidence.notes.extend(notes);
     let (stiction, (effect, theta)) = sticking?;
-    let (comparison, shape) = (found.comparison.as_ref()?, found.shape.as_ref()?);
+    let comparison = found.comparison.as_ref()?;
     let augmented = augmented(given.valve, evidence, &stiction, (effect, &theta));
     let finding = finding((effect, &theta), &stiction, comparison, &found, evidence.step_s());
-    Some(diagnosed(recording, evidence, given, augmented, finding, (comparison, shape)))
+    let heldout = errors(comparison, found.shape.as_ref());
+    Some(diagnosed(recording, evidence, given, augmented, finding, comparison.bic, heldout))
 }
 
 /// The effect that stands for a stem that sticks, with its values.
@@ -183,7 +184,8 @@ fn diagnosed(
     given: &Model<'_>,
     augmented: Valve,
     finding: Finding,
-    (comparison, shape): (&Comparison, &Shape),
+    bic: f64,
+    (refit_heldout, augmented_heldout): (f64, f64),
 ) -> Diagnosed {
     let measured = evidence.pressure_bar();
     let simulated = |model: &Model<'_>| {
@@ -196,7 +198,6 @@ fn diagnosed(
     let base_bar = simulated(given);
     let augmented_bar = Model::base(&augmented).map(|model| simulated(&model.on(evidence))).unwrap_or_else(|_| base_bar.clone());
     let base_residual: Vec<f64> = measured.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
-    let (refit_heldout, augmented_heldout) = errors(comparison, Some(shape));
     let noise = evidence.noise_bar;
     let explained = augmented_heldout <= Criteria::default().structure_named * noise;
     let rest_bar = (augmented_heldout.powi(2) - noise.powi(2)).max(0.0).sqrt();
@@ -204,7 +205,7 @@ fn diagnosed(
         (!explained).then(|| Remainder { rms_bar: rest_bar, depends_on: Vec::new(), table_heldout_gain_bar: 0.0, windows: Vec::new() });
     let base = rms(&base_residual);
     let candidates =
-        vec![Candidate { id: finding.id.clone(), heldout_rmse_bar: Some(augmented_heldout), bic: -comparison.bic, rejected_because: None }];
+        vec![Candidate { id: finding.id.clone(), heldout_rmse_bar: Some(augmented_heldout), bic: -bic, rejected_because: None }];
     let mut diagnosis = Diagnosis {
         schema: SCHEMA.into(),
         recording: recording.source.clone(),
@@ -228,21 +229,6 @@ fn diagnosed(
         "The valve of this control loop sticks. {} The errors on held-out data are those of the loop's own models, without and with friction.",
         super::words::summary(&diagnosis)
     );
-    let mut runs = Vec::new();
-    let mut begin = 0;
-    for grid in &evidence.grids {
-        runs.push((begin, grid.name.clone()));
-        begin += grid.current_a.len();
-    }
-    let curves = Curves {
-        runs,
-        time_s: evidence.grids.iter().flat_map(|g| (0..g.len()).map(|k| g.reading_s(k))).collect(),
-        current_a: evidence.grids.iter().flat_map(|g| g.current_a.iter().copied()).collect(),
-        measured_bar: measured,
-        refit_bar: base_bar.clone(),
-        base_bar,
-        augmented_bar,
-        runner_up_bar: Vec::new(),
-    };
+    let curves = Curves { refit_bar: base_bar.clone(), base_bar, augmented_bar, ..Curves::along(evidence) };
     Diagnosed { diagnosis, augmented, curves, open: None, recalibration: None }
 }

@@ -20,8 +20,6 @@ pub struct Comparison {
     pub heldout_rms: (f64, f64),
     /// 95 % interval over the blocks of the mean gain [nats].
     pub gain: (f64, f64),
-    /// Blocks on which friction predicts better.
-    pub blocks_won: usize,
     /// BIC of the best rival less that of the friction: positive speaks for friction.
     pub bic: f64,
     /// What stands beside the best rival.
@@ -37,42 +35,73 @@ pub fn compare(joint: &Joint<'_>, rivals: &Rivals) -> Option<Comparison> {
     let best = joint.best(&ALL)?;
     let (bic, friction) = (best.bic, joint.centred(best, &ALL));
     let (rival, solved, rival_bic) = rivals.best(&ALL)?;
-    let mut gains = Vec::new();
-    let (mut squares, mut samples) = ((0.0, 0.0), 0.0);
+    let mut heldout = Heldout::default();
     let mut bands = (f64::INFINITY, 0.0f64);
     for fold in 0..FOLDS {
-        let mut used: Used = ALL;
-        let left: Vec<usize> = (0..BLOCKS).filter(|b| b % FOLDS == fold).collect();
-        left.iter().for_each(|b| used[*b] = false);
+        let used = Heldout::used(fold);
         let with = joint.centred(joint.best(&used)?, &used);
         let (without, solved, _) = rivals.best(&used)?;
         let band = with.hypothesis.stem.band;
         bands = (bands.0.min(band), bands.1.max(band));
-        for b in left {
-            let ((r, n), (f, _)) = (without.error(&solved, b), with.error(b));
-            if n < 1.0 {
-                continue;
-            }
-            squares = (squares.0 + r, squares.1 + f);
-            samples += n;
-            gains.push(0.5 * (r.max(1e-300) / f.max(1e-300)).ln());
-        }
+        heldout.fold(&used, |b| without.error(&solved, b), |b| with.error(b));
     }
+    let (without, with) = heldout.mean_squares();
     Some(Comparison {
         rms: (solved.variance.sqrt(), friction.solved.variance.sqrt()),
-        heldout_rms: ((squares.0 / samples).sqrt(), (squares.1 / samples).sqrt()),
-        gain: interval(&gains),
-        blocks_won: gains.iter().filter(|g| **g > 0.0).count(),
+        heldout_rms: (without.sqrt(), with.sqrt()),
+        gain: heldout.gain(),
         bic: rival_bic - bic,
         besides: rival.besides,
         bands,
-        p_value: flips(&gains),
+        p_value: heldout.p_value(),
         friction,
     })
 }
 
-/// Share of all flips of the signs whose sum is as large.
-pub fn flips(gains: &[f64]) -> f64 {
+/// Errors without and with friction on the blocks that the fits left out.
+#[derive(Debug, Default)]
+pub struct Heldout {
+    squares: (f64, f64),
+    samples: f64,
+    /// Of each block, half the logarithm of the ratio of its squares [nats].
+    gains: Vec<f64>,
+}
+
+impl Heldout {
+    /// What the fits of this fold use.
+    pub fn used(fold: usize) -> Used {
+        std::array::from_fn(|b| b % FOLDS != fold)
+    }
+
+    /// Adds the blocks left out: sum of squares and samples of each, without friction and with it.
+    pub fn fold(&mut self, used: &Used, without: impl Fn(usize) -> (f64, f64), with: impl Fn(usize) -> (f64, f64)) {
+        for b in (0..BLOCKS).filter(|b| !used[*b]) {
+            let ((without, n), (with, _)) = (without(b), with(b));
+            if n > 0.0 {
+                self.squares = (self.squares.0 + without, self.squares.1 + with);
+                self.samples += n;
+                self.gains.push(0.5 * (without.max(f64::MIN_POSITIVE) / with.max(f64::MIN_POSITIVE)).ln());
+            }
+        }
+    }
+
+    /// Mean square without and with friction.
+    pub fn mean_squares(&self) -> (f64, f64) {
+        (self.squares.0 / self.samples, self.squares.1 / self.samples)
+    }
+
+    /// 95 % interval of the mean gain over the blocks [nats].
+    pub fn gain(&self) -> (f64, f64) {
+        interval(&self.gains)
+    }
+
+    /// Share of all flips of the gains' signs whose sum is as large.
+    pub fn p_value(&self) -> f64 {
+        flips(&self.gains)
+    }
+}
+
+fn flips(gains: &[f64]) -> f64 {
     let sum: f64 = gains.iter().sum();
     let all = 1u32 << gains.len();
     let as_large = (0..all).filter(|bits| {
@@ -83,7 +112,7 @@ pub fn flips(gains: &[f64]) -> f64 {
 }
 
 /// 95 % interval of the mean.
-pub fn interval(gains: &[f64]) -> (f64, f64) {
+fn interval(gains: &[f64]) -> (f64, f64) {
     let n = gains.len() as f64;
     let mean = gains.iter().sum::<f64>() / n;
     let spread = (gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt();

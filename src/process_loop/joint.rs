@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use super::regression::{LONGEST_DELAY, Orders, Solved, Sums, Used};
-use super::stick_slip::{Motion, StickSlip};
+use super::stick_slip::StickSlip;
 
 /// Bands that are tried, as shares of the output's range: from, to, how many.
 const BANDS: (f64, f64, usize) = (0.02, 1.25, 22);
@@ -69,14 +69,7 @@ pub struct Joint<'a> {
 impl<'a> Joint<'a> {
     /// From process value and output; `range` of the output.
     pub fn of(value: &'a [f64], output: &'a [f64], range: f64) -> Self {
-        let (from, to, count) = BANDS;
-        let mut stems = Vec::new();
-        for k in 0..count {
-            let band = range * from * (to / from).powf(k as f64 / (count - 1) as f64);
-            for share in JUMPS {
-                stems.extend([Motion::Steps, Motion::Slides].map(|motion| StickSlip { band, jump: share * band, motion, start: 0.0 }));
-            }
-        }
+        let stems = StickSlip::grid((BANDS.0 * range, BANDS.1 * range, BANDS.2), &JUMPS);
         let of_stem = |stem: &StickSlip| {
             let mut position = Vec::new();
             let slips = stem.follow(output, &mut position);

@@ -42,7 +42,7 @@ pub fn oscillation(signal: &[f64]) -> Option<Oscillation> {
 }
 
 /// Autocorrelation over the lags, one at lag 0.
-pub fn autocorrelation(signal: &[f64]) -> Vec<f64> {
+fn autocorrelation(signal: &[f64]) -> Vec<f64> {
     let n = signal.len();
     let finite = signal.iter().filter(|v| v.is_finite());
     let mean = finite.clone().sum::<f64>() / finite.count().max(1) as f64;

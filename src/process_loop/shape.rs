@@ -8,9 +8,9 @@
 
 use rayon::prelude::*;
 
-use super::heldout::{FOLDS, flips};
-use super::regression::{ALL, BLOCKS, LONGEST_DELAY, Solved, Sums, Used};
-use super::stick_slip::{Motion, StickSlip};
+use super::heldout::{FOLDS, Heldout};
+use super::regression::{ALL, LONGEST_DELAY, Solved, Sums, Used};
+use super::stick_slip::StickSlip;
 
 /// Lags that are tried [samples]; the last is an integrator.
 const LAGS: [f64; 10] = [0.0, 1.0, 2.0, 4.0, 7.0, 12.0, 20.0, 35.0, 70.0, f64::INFINITY];
@@ -56,14 +56,7 @@ pub struct Shape {
 
 /// Compares the courses; `period` of the oscillation, where there is one [samples].
 pub fn shape(value: &[f64], output: &[f64], range: f64, period: Option<f64>) -> Option<Shape> {
-    let (from, to, count) = BANDS;
-    let mut stems = Vec::new();
-    for k in 0..count {
-        let band = range * from * (to / from).powf(k as f64 / (count - 1) as f64);
-        for share in JUMPS {
-            stems.extend([Motion::Steps, Motion::Slides].map(|motion| StickSlip { band, jump: share * band, motion, start: 0.0 }));
-        }
-    }
+    let stems = StickSlip::grid((BANDS.0 * range, BANDS.1 * range, BANDS.2), &JUMPS);
     let with: Vec<Form> = stems.par_iter().flat_map_iter(|stem| behind(value, output, *stem, &LAGS)).collect();
     let mut forms = Vec::new();
     for lag in LAGS {
@@ -75,20 +68,14 @@ pub fn shape(value: &[f64], output: &[f64], range: f64, period: Option<f64>) -> 
     }
     let without: Vec<Form> =
         forms.into_par_iter().map(|(lag, delay, curved, period)| plain(value, output, (lag, delay), curved, period)).collect();
-    let mut gains = Vec::new();
-    let mut squares = (0.0, 0.0, 0.0);
+    let mut heldout = Heldout::default();
     for fold in 0..FOLDS {
-        let used: Used = std::array::from_fn(|b| b % FOLDS != fold);
-        let ((f, with_fit), (r, without_fit)) = (best(&with, &used)?, best(&without, &used)?);
-        for b in (0..BLOCKS).filter(|b| !used[*b]) {
-            let ((friction, n), (rival, _)) = (f.sums.error(&with_fit.theta, b), r.sums.error(&without_fit.theta, b));
-            if n > 0.0 {
-                squares = (squares.0 + friction, squares.1 + rival, squares.2 + n);
-                gains.push(0.5 * (rival.max(f64::MIN_POSITIVE) / friction.max(f64::MIN_POSITIVE)).ln());
-            }
-        }
+        let used = Heldout::used(fold);
+        let ((f, with), (r, without)) = (best(&with, &used)?, best(&without, &used)?);
+        heldout.fold(&used, |b| r.sums.error(&without.theta, b), |b| f.sums.error(&with.theta, b));
     }
-    Some(Shape { heldout: (squares.0 / squares.2, squares.1 / squares.2), p_value: flips(&gains), gain: super::heldout::interval(&gains) })
+    let (without, with) = heldout.mean_squares();
+    Some(Shape { heldout: (with, without), p_value: heldout.p_value(), gain: heldout.gain() })
 }
 
 /// The process behind this stem.

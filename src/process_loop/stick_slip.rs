@@ -29,6 +29,14 @@ pub struct StickSlip {
 }
 
 impl StickSlip {
+    /// Stems with these bands (from, to, how many, in equal ratios), and jumps as shares of the band.
+    pub fn grid((from, to, count): (f64, f64, usize), jumps: &[f64]) -> Vec<Self> {
+        let ratio = |k: usize| (to / from).powf(k as f64 / (count - 1) as f64);
+        let bands = (0..count).map(|k| from * ratio(k));
+        let pairs = bands.flat_map(|band| jumps.iter().map(move |share| (band, share * band)));
+        pairs.flat_map(|(band, jump)| [Motion::Steps, Motion::Slides].map(|motion| Self { band, jump, motion, start: 0.0 })).collect()
+    }
+
     /// Distance of output and position at which the stem breaks away, and that which is left when it moves.
     pub fn friction(&self) -> (f64, f64) {
         (0.5 * (self.band + self.jump), 0.5 * (self.band - self.jump))

@@ -11,6 +11,9 @@ use super::regression::{ALL, FIRST, Sums};
 /// Index of a half wave above which it is a triangle and below which a sine (He et al. 2007).
 const TRIANGLE: f64 = 0.6;
 const SINE: f64 = 0.4;
+/// Share of the cross-correlation that is odd, below which it is even and above which odd (Horch 1999).
+const EVEN: f64 = 1.0 / 3.0;
+const ODD: f64 = 2.0 / 3.0;
 /// Fewest samples of a half wave.
 const SHORTEST: usize = 6;
 /// Fewest half waves that speak.
@@ -27,33 +30,23 @@ pub struct Symptom {
     pub figure: f64,
 }
 
+impl Symptom {
+    /// It speaks against stiction below the first figure, for it above the second.
+    fn of(method: &'static str, figure: f64, (against, speaks_for): (f64, f64)) -> Self {
+        let stiction = (figure > speaks_for).then_some(true).or((figure < against).then_some(false));
+        Self { method, stiction, figure }
+    }
+}
+
 /// All symptoms. `period` of the oscillation [samples].
 pub fn symptoms(value: &[f64], output: &[f64], period: Option<f64>) -> Vec<Symptom> {
     let mut out = Vec::new();
     if let Some(period) = period {
         let figure = oddness(value, output, period);
-        let stiction = figure.and_then(|f| {
-            if f > 2.0 / 3.0 {
-                Some(true)
-            } else if f < 1.0 / 3.0 {
-                Some(false)
-            } else {
-                None
-            }
-        });
-        out.extend(figure.map(|figure| Symptom { method: "cross-correlation (Horch)", stiction, figure }));
+        out.extend(figure.map(|figure| Symptom::of("cross-correlation (Horch)", figure, (EVEN, ODD))));
     }
     let figure = [triangle(output, period), triangle(value, period)].into_iter().flatten().reduce(f64::max);
-    let stiction = figure.and_then(|f| {
-        if f > TRIANGLE {
-            Some(true)
-        } else if f < SINE {
-            Some(false)
-        } else {
-            None
-        }
-    });
-    out.extend(figure.map(|figure| Symptom { method: "half waves (He)", stiction, figure }));
+    out.extend(figure.map(|figure| Symptom::of("half waves (He)", figure, (SINE, TRIANGLE))));
     out
 }
 
@@ -88,8 +81,7 @@ fn triangle(signal: &[f64], period: Option<f64>) -> Option<f64> {
             signal[t] - finite.clone().sum::<f64>() / finite.count().max(1) as f64
         })
         .collect();
-    let mut turns: Vec<usize> = (1..detrended.len()).filter(|t| detrended[t - 1] * detrended[*t] < 0.0).collect();
-    turns.dedup();
+    let turns: Vec<usize> = (1..detrended.len()).filter(|t| detrended[t - 1] * detrended[*t] < 0.0).collect();
     let (mut sine, mut tri, mut waves) = (0.0, 0.0, 0);
     for w in turns.windows(2).filter(|w| w[1] - w[0] >= SHORTEST) {
         let wave = &detrended[w[0]..w[1]];
@@ -111,15 +103,15 @@ fn triangle(signal: &[f64], period: Option<f64>) -> Option<f64> {
 
 /// Width of the ellipse of process value over output, at its middle [unit of the output]; `None` where the fit is no ellipse.
 pub fn apparent(value: &[f64], output: &[f64]) -> Option<f64> {
+    if value.len() <= FIRST {
+        return None;
+    }
     // a p^2 + b p u + c u^2 + d p + e u = 1, by least squares.
     let ones = vec![1.0; value.len()];
     let sums = Sums::over(&ones, 5, |t, row| {
         let (p, u) = (value[t], output[t]);
         row.extend([p * p, p * u, u * u, p, u]);
     });
-    if value.len() <= FIRST {
-        return None;
-    }
     let theta = sums.solve(&ALL)?.theta;
     let (a, b, c, d, e) = (theta[0], theta[1], theta[2], theta[3], theta[4]);
     let determinant = 4.0 * a * c - b * b;

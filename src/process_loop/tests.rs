@@ -34,32 +34,30 @@ fn no_loop_without_friction_is_said_to_stick() {
 #[test]
 fn a_sticking_valve_is_named_with_its_band_and_slip() {
     use rand::SeedableRng;
-    {
-        let jump = 2.0;
-        let it = bench::Loop {
-            gain: 1.6,
-            lags: (6.0, 0.0),
-            delay: 2,
-            controller: 1.0,
-            integral: 4.0,
-            stem: Some((5.0, jump, true)),
-            noise: (0.08, 0.01),
-            limit: 50.0,
-            ..bench::Loop::default()
-        };
-        let (u, y) = it.run(900, &mut rand_pcg::Pcg64::seed_from_u64(3));
-        let (u, y) = (&u[400..], &y[400..]);
-        let found = assess(y, u).unwrap();
-        let stiction = found.stiction.unwrap_or_else(|| panic!("{:?} {:?}", found.oscillation, found.symptoms));
-        assert!((stiction.stem.band / 5.0 - 1.0).abs() < 0.15, "{stiction:?}");
-        assert!((stiction.stem.jump - jump).abs() < 0.8, "{stiction:?}");
-        assert!((stiction.process.gain / 1.6 - 1.0).abs() < 0.4, "{stiction:?}");
-        assert!(stiction.bands.0 <= 5.2 && stiction.bands.1 >= 4.8, "{stiction:?}");
-        // The same loop with the valve freed and a sine from outside.
-        let free = bench::Loop { stem: None, load: (0..900).map(|t| 2.0 * (0.25 * f64::from(t)).sin()).collect(), ..it };
-        let (u, y) = free.run(900, &mut rand_pcg::Pcg64::seed_from_u64(3));
-        assert!(assess(&y[400..], &u[400..]).unwrap().stiction.is_none());
-    }
+    let jump = 2.0;
+    let it = bench::Loop {
+        gain: 1.6,
+        lags: (6.0, 0.0),
+        delay: 2,
+        controller: 1.0,
+        integral: 4.0,
+        stem: Some((5.0, jump, true)),
+        noise: (0.08, 0.01),
+        limit: 50.0,
+        ..bench::Loop::default()
+    };
+    let (u, y) = it.run(900, &mut rand_pcg::Pcg64::seed_from_u64(3));
+    let (u, y) = (&u[400..], &y[400..]);
+    let found = assess(y, u).unwrap();
+    let stiction = found.stiction.unwrap_or_else(|| panic!("{:?} {:?}", found.oscillation, found.symptoms));
+    assert!((stiction.stem.band / 5.0 - 1.0).abs() < 0.15, "{stiction:?}");
+    assert!((stiction.stem.jump - jump).abs() < 0.8, "{stiction:?}");
+    assert!((stiction.process.gain / 1.6 - 1.0).abs() < 0.4, "{stiction:?}");
+    assert!(stiction.bands.0 <= 5.2 && stiction.bands.1 >= 4.8, "{stiction:?}");
+    // The same loop with the valve freed and a sine from outside.
+    let free = bench::Loop { stem: None, load: (0..900).map(|t| 2.0 * (0.25 * f64::from(t)).sin()).collect(), ..it };
+    let (u, y) = free.run(900, &mut rand_pcg::Pcg64::seed_from_u64(3));
+    assert!(assess(&y[400..], &u[400..]).unwrap().stiction.is_none());
 }
 
 /// A sweep in open loop is no control loop, whatever hysteresis the valve has and however slow the process is.

@@ -148,7 +148,7 @@ pub fn distil(rows: &Rows<'_>, states: &[&Tried]) -> Formula {
     let mut known = Known::new(rows, states);
     let mut formula: Formula = Vec::new();
     let mut left = dot(&base.residual, &base.residual);
-    let mut now: Vec<Tried> = states.iter().map(|t| Tried { state: t.state, values: t.values.clone(), seen: t.seen }).collect();
+    let mut now: Vec<Tried> = states.iter().copied().cloned().collect();
     while formula.len() < MOST_TERMS {
         let Some(factors) = best(rows, &base, &mut known, &formula, &now) else { break };
         let mut longer = formula.clone();

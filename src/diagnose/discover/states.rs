@@ -4,6 +4,7 @@ use super::rows::Rows;
 use crate::physics::{State, StateKind};
 
 /// A state with its values at the rows and the range in which it moves.
+#[derive(Clone)]
 pub struct Tried {
     /// The state.
     pub state: State,

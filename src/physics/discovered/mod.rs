@@ -70,13 +70,13 @@ impl Effect for Discovered {
         Some(written(&terms(theta)))
     }
     fn memory_s(&self, theta: Theta<'_>) -> f64 {
-        states(theta).iter().map(State::memory_s).fold(0.0, f64::max)
+        states(&terms(theta)).iter().map(State::memory_s).fold(0.0, f64::max)
     }
     fn shortest_s(&self, theta: Theta<'_>) -> f64 {
-        states(theta).iter().map(State::shortest_s).fold(f64::INFINITY, f64::min)
+        states(&terms(theta)).iter().map(State::shortest_s).fold(f64::INFINITY, f64::min)
     }
     fn uses(&self, theta: Theta<'_>) -> Vec<Channel> {
-        let has = |kind: StateKind| states(theta).iter().any(|s| s.kind == kind);
+        let has = |kind: StateKind| states(&terms(theta)).iter().any(|s| s.kind == kind);
         let all = [(StateKind::OilTemperature, Channel::OilTemperature), (StateKind::SupplyPressure, Channel::SupplyPressure)];
         all.into_iter().filter(|(kind, _)| has(*kind)).map(|(_, channel)| channel).collect()
     }
@@ -85,10 +85,10 @@ impl Effect for Discovered {
     }
 }
 
-/// The states of an effect's values, each once.
-fn states(theta: Theta<'_>) -> Vec<State> {
+/// The states of these terms, each once.
+fn states(terms: &[Term]) -> Vec<State> {
     let mut all: Vec<State> = Vec::new();
-    for factor in terms(theta).iter().flat_map(|t| &t.factors) {
+    for factor in terms.iter().flat_map(|t| &t.factors) {
         if !all.contains(&factor.state) {
             all.push(factor.state);
         }
@@ -165,15 +165,9 @@ struct Adding {
 
 impl Adding {
     fn new(terms: Vec<Term>, context: &Context) -> Self {
-        let mut all: Vec<State> = Vec::new();
-        let mut place = |state: State| {
-            let at = all.iter().position(|s| *s == state);
-            at.unwrap_or_else(|| {
-                all.push(state);
-                all.len() - 1
-            })
-        };
-        let reads = terms.iter().map(|t| t.factors.iter().map(|f| place(f.state)).collect()).collect();
+        let all = states(&terms);
+        let place = |f: &Factor| all.iter().position(|s| *s == f.state);
+        let reads = terms.iter().map(|t| t.factors.iter().filter_map(place).collect()).collect();
         let trackers: Vec<Tracker> = all.iter().map(|s| Tracker::new(*s, context.dt_s)).collect();
         let values = vec![0.0; trackers.len()];
         Self { terms, reads, trackers, values, dt_s: context.dt_s, left: context.arrival.left(), added: 0.0 }
