@@ -157,3 +157,29 @@ fn hostile_files_are_refused_in_bounded_time_and_memory() {
     assert!(refused("bomb.parquet").contains("values in all are read"));
     assert!(began.elapsed() < Duration::from_secs(60), "{:?}", began.elapsed());
 }
+
+/// Its footer says half the rows that its pages hold: what is beyond them is not read.
+#[test]
+fn pages_that_hold_more_than_the_footer_says_are_not_read_to_their_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("more.parquet");
+    let rows = 200_000usize;
+    let run = Run {
+        time_s: (0..rows).map(|k| k as f64).collect(),
+        current_a: vec![0.5; rows],
+        pressure_bar: Some(vec![1.0; rows]),
+        ..Run::default()
+    };
+    Recording { source: "more".into(), runs: vec![run], notes: Vec::new(), input: None }.write(&path).unwrap();
+    // 200,000 and 100,000 as thrift's zigzag varints, in the footer alone.
+    let (all, half) = ([0x80, 0xb5, 0x18], [0xc0, 0x9a, 0x0c]);
+    let mut bytes = std::fs::read(&path).unwrap();
+    let length = u32::from_le_bytes(bytes[bytes.len() - 8..bytes.len() - 4].try_into().unwrap()) as usize;
+    let from = bytes.len() - 8 - length;
+    let places: Vec<usize> = (from..bytes.len() - 3).filter(|at| bytes[*at..at + 3] == all).collect();
+    assert!(places.len() > 3, "{places:?}");
+    places.iter().for_each(|at| bytes[*at..at + 3].copy_from_slice(&half));
+    std::fs::write(&path, bytes).unwrap();
+    let said = Recording::read(&path, &[]).unwrap_err().to_string();
+    assert!(said.contains("holds more values than the 100000 that are said"), "{said}");
+}

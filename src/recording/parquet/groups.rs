@@ -7,7 +7,7 @@ use std::path::Path;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
-use super::{Cells, Kind, guarded, numbers, texts};
+use super::{Cells, Chunk, Kind, guarded, numbers, open, texts};
 use crate::recording::mapping::Role;
 use crate::recording::{ColumnValues, Mapping, Recording, RecordingError};
 
@@ -35,7 +35,7 @@ pub fn groups(path: &Path, column: &str, map: &[Mapping]) -> Result<Vec<Group>, 
 
 fn found(path: &Path, file: &str, column: &str, map: &[Mapping]) -> Result<Vec<Group>, RecordingError> {
     let damaged = |e: ParquetError| RecordingError::format(file, e);
-    let reader = SerializedFileReader::new(File::open(path).map_err(RecordingError::io(path))?).map_err(damaged)?;
+    let reader = open(path, file)?;
     let names: Vec<String> = reader.metadata().file_metadata().schema_descr().columns().iter().map(|c| c.path().string()).collect();
     let at = names
         .iter()
@@ -88,12 +88,12 @@ fn words(
     let column = reader.metadata().file_metadata().schema_descr().column(at);
     let group = reader.get_row_group(group).map_err(damaged)?;
     let mut out = Vec::new();
-    let levels = column.max_def_level();
-    if texts(group.get_column_reader(at).map_err(damaged)?, levels, |text| out.push(text.to_owned())).map_err(damaged)?.is_none()
+    let chunk = || Chunk::of(&*group, at).map_err(damaged);
+    if texts(chunk()?, |text| out.push(text.to_owned())).map_err(damaged)?.is_none()
         && let Ok(kind) = Kind::of(&column)
     {
         let word = |v: f64| if v.is_finite() { v.to_string() } else { String::new() };
-        numbers(group.get_column_reader(at).map_err(damaged)?, levels, &kind, |v| out.push(word(v * kind.scale()))).map_err(damaged)?;
+        numbers(chunk()?, &kind, |v| out.push(word(v * kind.scale()))).map_err(damaged)?;
     }
     Ok(out)
 }
@@ -122,7 +122,7 @@ impl Group {
 
     fn columns(&self, path: &Path, file: &str) -> Result<Vec<(String, Cells)>, RecordingError> {
         let damaged = |e: ParquetError| RecordingError::format(file, e);
-        let reader = SerializedFileReader::new(File::open(path).map_err(RecordingError::io(path))?).map_err(damaged)?;
+        let reader = open(path, file)?;
         let schema = reader.metadata().file_metadata().schema_descr();
         let at = schema.columns().iter().position(|c| c.path().string() == self.column);
         let at = at.ok_or_else(|| RecordingError::format(file, format!("has no column `{}` any more", self.column)))?;
@@ -134,7 +134,6 @@ impl Group {
         let mut columns = Vec::new();
         for (place, column) in schema.columns().iter().enumerate().filter(|(k, _)| *k != at) {
             let Ok(kind) = Kind::of(column) else { continue };
-            let levels = column.max_def_level();
             let (mut values, mut names, mut first) = (Vec::new(), Vec::new(), None);
             for (group, mine) in self.row_groups.iter().zip(&mine) {
                 let group = reader.get_row_group(*group).map_err(damaged)?;
@@ -146,14 +145,15 @@ impl Group {
                         values.push(value * kind.scale());
                     }
                 };
-                if numbers(group.get_column_reader(place).map_err(damaged)?, levels, &kind, take).map_err(damaged)?.is_none() {
+                let chunk = || Chunk::of(&*group, place).map_err(damaged);
+                if numbers(chunk()?, &kind, take).map_err(damaged)?.is_none() {
                     let mut rows = mine.iter();
                     let take = |text: &str| {
                         if *rows.next().unwrap_or(&false) {
                             names.push(text.to_owned());
                         }
                     };
-                    texts(group.get_column_reader(place).map_err(damaged)?, levels, take).map_err(damaged)?;
+                    texts(chunk()?, take).map_err(damaged)?;
                 }
             }
             columns.push((column.path().string(), if names.is_empty() { Cells::Numbers(values) } else { Cells::Texts(names) }));

@@ -1,6 +1,5 @@
 //! Recordings as Parquet: flat columns of numbers, null as gap, and the time also as a time stamp.
 
-use std::fs::File;
 use std::path::Path;
 
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
@@ -8,7 +7,7 @@ use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::FileMetaData;
-use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::mapping::Role;
@@ -17,9 +16,11 @@ use super::source::{Rows, Source, resolve};
 use super::{Cells, Mapping, RecordingError};
 use crate::valve::Input;
 
+mod footer;
 mod groups;
 mod write;
 
+use footer::{bounded, open};
 pub use groups::{Group, groups};
 pub use write::{write_parquet, write_parquet_stating};
 
@@ -51,13 +52,12 @@ fn guarded<T>(file: &str, work: impl FnOnce() -> Result<T, RecordingError>) -> R
 
 fn columns(path: &Path, file: &str) -> Result<Vec<(String, Cells)>, RecordingError> {
     let damaged = |e: ParquetError| RecordingError::format(file, e);
-    let handle = File::open(path).map_err(RecordingError::io(path))?;
-    let reader = SerializedFileReader::new(handle).map_err(damaged)?;
+    let reader = open(path, file)?;
     let schema = reader.metadata().file_metadata().schema_descr();
+    bounded(&reader, file, schema.num_columns())?;
     let mut columns = Vec::new();
     for (at, column) in schema.columns().iter().enumerate() {
         let Ok(kind) = Kind::of(column) else { continue };
-        let levels = column.max_def_level();
         let (mut values, mut words, mut first) = (Vec::new(), Vec::new(), None);
         for group in 0..reader.num_row_groups() {
             let group = reader.get_row_group(group).map_err(damaged)?;
@@ -65,8 +65,9 @@ fn columns(path: &Path, file: &str) -> Result<Vec<(String, Cells)>, RecordingErr
                 let value = if kind.is_stamp() { value - *first.get_or_insert(value) } else { value };
                 values.push(value * kind.scale());
             };
-            if numbers(group.get_column_reader(at).map_err(damaged)?, levels, &kind, take).map_err(damaged)?.is_none() {
-                texts(group.get_column_reader(at).map_err(damaged)?, levels, |text| words.push(text.to_string())).map_err(damaged)?;
+            let chunk = || Chunk::of(&*group, at).map_err(damaged);
+            if numbers(chunk()?, &kind, take).map_err(damaged)?.is_none() {
+                texts(chunk()?, |text| words.push(text.to_string())).map_err(damaged)?;
             }
         }
         let cells = match (words.is_empty(), kind.is_stamp()) {
@@ -123,27 +124,12 @@ fn silenced<T>(work: impl FnOnce() -> T) -> T {
 
 fn read_trusting(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
     let damaged = |e: ParquetError| RecordingError::format(file, e);
-    let handle = File::open(path).map_err(RecordingError::io(path))?;
-    let reader = SerializedFileReader::new(handle).map_err(damaged)?;
+    let reader = open(path, file)?;
     let metadata = reader.metadata();
     let schema = metadata.file_metadata().schema_descr();
     let names: Vec<String> = schema.columns().iter().map(|c| c.path().string()).collect();
     let sources = resolve(file, &names, map, false)?;
-    // Rows cost memory, whatever the bytes of the file say: a column of one value is a few bytes for a billion rows.
-    let claimed = metadata.file_metadata().num_rows().max(0) as u64;
-    let summed: u64 = metadata.row_groups().iter().map(|g| g.num_rows().max(0) as u64).sum();
-    let values = claimed.max(summed).saturating_mul(sources.len().max(1) as u64);
-    if values > super::MOST_VALUES {
-        return Err(RecordingError::format(
-            file,
-            format!(
-                "has {} rows of {} channels; at most {} values in all are read",
-                claimed.max(summed),
-                sources.len(),
-                super::MOST_VALUES
-            ),
-        ));
-    }
+    bounded(&reader, file, sources.len())?;
     let mut rows = Rows::new(file, &sources, false);
     rows.input = stated_input(metadata.file_metadata());
 
@@ -155,19 +141,18 @@ fn read_trusting(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, Recor
         for group in 0..reader.num_row_groups() {
             let group = reader.get_row_group(group).map_err(damaged)?;
             let expected = group.metadata().num_rows().max(0) as usize;
-            let column_reader = group.get_column_reader(source.column).map_err(damaged)?;
-            let levels = column.max_def_level();
-            let read = match (source.role, column_reader) {
-                (Role::Run, reader) => texts(reader, levels, |text| {
+            let chunk = Chunk::of(&*group, source.column).map_err(damaged)?;
+            let read = match (source.role, chunk) {
+                (Role::Run, chunk) => texts(chunk, |text| {
                     let new = rows.segments.last().is_none_or(|s| s.0.as_deref() != Some(text).filter(|t| !t.is_empty()));
                     if new {
                         rows.segments.push(((!text.is_empty()).then(|| text.to_string()), row));
                     }
                     row += 1;
                 }),
-                (role, reader) => {
+                (role, chunk) => {
                     let Some(values) = rows.values(role) else { continue };
-                    numbers(reader, levels, &kind, |value| {
+                    numbers(chunk, &kind, |value| {
                         // Time stamps count from the first: seconds since 1970 leave too few digits for a step.
                         let value = if kind.is_stamp() { value - *first_stamp.get_or_insert(value) } else { value };
                         let value = value * kind.scale();
@@ -248,36 +233,54 @@ impl Kind {
     }
 }
 
+/// A column of one row group.
+struct Chunk {
+    reader: ColumnReader,
+    levels: i16,
+    /// Rows that the group says it has; the pages may say otherwise.
+    rows: usize,
+}
+
+impl Chunk {
+    fn of(group: &dyn RowGroupReader, at: usize) -> Result<Self, ParquetError> {
+        let levels = group.metadata().column(at).column_descr().max_def_level();
+        let rows = usize::try_from(group.metadata().num_rows())?;
+        Ok(Self { reader: group.get_column_reader(at)?, levels, rows })
+    }
+}
+
 /// Feeds every row's value, NaN for null, to `take`; `None` where the column holds no numbers.
-fn numbers(reader: ColumnReader, levels: i16, kind: &Kind, take: impl FnMut(f64)) -> Result<Option<usize>, ParquetError> {
+fn numbers(chunk: Chunk, kind: &Kind, take: impl FnMut(f64)) -> Result<Option<usize>, ParquetError> {
     let unsigned = matches!(kind, Kind::Unsigned);
-    match reader {
-        ColumnReader::DoubleColumnReader(r) => batches(r, levels, |v| *v, f64::NAN, take),
-        ColumnReader::FloatColumnReader(r) => batches(r, levels, |v| f64::from(*v), f64::NAN, take),
+    let shape = (chunk.levels, chunk.rows);
+    match chunk.reader {
+        ColumnReader::DoubleColumnReader(r) => batches(r, shape, |v| *v, f64::NAN, take),
+        ColumnReader::FloatColumnReader(r) => batches(r, shape, |v| f64::from(*v), f64::NAN, take),
         ColumnReader::Int32ColumnReader(r) => {
-            batches(r, levels, |v| if unsigned { f64::from(*v as u32) } else { f64::from(*v) }, f64::NAN, take)
+            batches(r, shape, |v| if unsigned { f64::from(*v as u32) } else { f64::from(*v) }, f64::NAN, take)
         }
-        ColumnReader::Int64ColumnReader(r) => batches(r, levels, |v| if unsigned { *v as u64 as f64 } else { *v as f64 }, f64::NAN, take),
+        ColumnReader::Int64ColumnReader(r) => batches(r, shape, |v| if unsigned { *v as u64 as f64 } else { *v as f64 }, f64::NAN, take),
         _ => Ok(None),
     }
 }
 
 /// Feeds every row's text, empty for null, to `take`; numbers are names too.
-fn texts(reader: ColumnReader, levels: i16, mut take: impl FnMut(&str)) -> Result<Option<usize>, ParquetError> {
+fn texts(chunk: Chunk, mut take: impl FnMut(&str)) -> Result<Option<usize>, ParquetError> {
     let take = |text: String| take(&text);
-    match reader {
+    let shape = (chunk.levels, chunk.rows);
+    match chunk.reader {
         ColumnReader::ByteArrayColumnReader(r) => {
-            batches(r, levels, |v| String::from_utf8_lossy(v.data()).into_owned(), String::new(), take)
+            batches(r, shape, |v| String::from_utf8_lossy(v.data()).into_owned(), String::new(), take)
         }
-        ColumnReader::Int32ColumnReader(r) => batches(r, levels, |v| v.to_string(), String::new(), take),
-        ColumnReader::Int64ColumnReader(r) => batches(r, levels, |v| v.to_string(), String::new(), take),
+        ColumnReader::Int32ColumnReader(r) => batches(r, shape, |v| v.to_string(), String::new(), take),
+        ColumnReader::Int64ColumnReader(r) => batches(r, shape, |v| v.to_string(), String::new(), take),
         _ => Ok(None),
     }
 }
 
 fn batches<T: DataType, V: Clone>(
     mut reader: ColumnReaderImpl<T>,
-    levels: i16,
+    (levels, rows): (i16, usize),
     value: impl Fn(&T::T) -> V,
     null: V,
     mut take: impl FnMut(V),
@@ -291,6 +294,9 @@ fn batches<T: DataType, V: Clone>(
             return Ok(Some(count));
         }
         count += read;
+        if count > rows {
+            return Err(ParquetError::General(format!("a column holds more values than the {rows} that are said")));
+        }
         if levels == 0 {
             values.iter().for_each(|v| take(value(v)));
             continue;
