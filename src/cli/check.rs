@@ -17,13 +17,13 @@ use crate::runner::Prepared;
 pub struct CheckArgs {
     /// Files to check; the kind follows from the `schema` key.
     ///
-    /// Shipped files go by their bare names. Without any, every file of the project is checked: `hil.toml` and what lies
-    /// in its plans/, valves/, drivers/ and limits/.
+    /// Shipped files go by their bare names. Without any, every file of the project is checked: `hil.toml`, stations and
+    /// populations beside it, and what lies in its plans/, valves/, drivers/ and limits/.
     files: Vec<PathBuf>,
 }
 
 /// The kinds of file that are known, by their schema key.
-const KINDS: [&str; 9] = [
+const KINDS: [&str; 10] = [
     crate::plan::SCHEMA,
     "hil.valve/1",
     crate::exchange::ATTACHED_SCHEMA,
@@ -32,6 +32,7 @@ const KINDS: [&str; 9] = [
     crate::batch::population::SCHEMA,
     LIMITS_SCHEMA,
     super::answers::SCHEMA,
+    crate::recording::MAPPING_SCHEMA,
     files::SCHEMA,
 ];
 
@@ -67,7 +68,7 @@ fn check(path: &Path) -> Result<String, CliError> {
         Some("hil.valve/1") => valve(path),
         Some(crate::exchange::ATTACHED_SCHEMA) => {
             let attached = Attached::load(path).map_err(CliError::input)?;
-            Ok(format!("foreign model `{}`, {} effects about it", attached.name, attached.effects.len()))
+            Ok(format!("foreign model `{}`, {} about it", attached.name, count(attached.effects.len(), "effect")))
         }
         Some(files::SCHEMA) => {
             let project = files::ProjectFile::load(path)?;
@@ -83,9 +84,9 @@ fn check(path: &Path) -> Result<String, CliError> {
             let calibration = if expired.is_empty() { "calibrated".to_string() } else { format!("EXPIRED: {}", expired.join("; ")) };
             let offer = match (station.products.len(), station.sites.len()) {
                 (0, 0) => String::new(),
-                (products, sites) => format!(", a page with {products} products and {sites} sites"),
+                (products, sites) => format!(", a page with {} and {}", count(products, "product"), count(sites, "site")),
             };
-            Ok(format!("station `{}`, {} instruments, {calibration}{offer}", station.id, station.instruments.len()))
+            Ok(format!("station `{}`, {}, {calibration}{offer}", station.id, count(station.instruments.len(), "instrument")))
         }
         Some(crate::batch::population::SCHEMA) => {
             crate::batch::population::Population::load(path).map_err(CliError::input)?;
@@ -93,11 +94,15 @@ fn check(path: &Path) -> Result<String, CliError> {
         }
         Some(super::answers::SCHEMA) => {
             let answers = super::answers::AnswersFile::load(path)?;
-            Ok(format!("{} answers", answers.answers.len()))
+            Ok(count(answers.answers.len(), "answer"))
+        }
+        Some(crate::recording::MAPPING_SCHEMA) => {
+            let reading = crate::recording::Reading::load(path).map_err(CliError::input)?;
+            Ok(format!("mapping of {}", count(reading.map.len(), "channel")))
         }
         Some(LIMITS_SCHEMA) => {
             let limits = LimitsFile::load(path).map_err(CliError::input)?;
-            Ok(format!("{} limits", limits.limit.len()))
+            Ok(count(limits.limit.len(), "limit"))
         }
         Some(other) => {
             let hint = nearest(other, KINDS).map_or_else(String::new, |k| format!("; did you mean `{k}`?"));
@@ -131,11 +136,12 @@ fn plan(path: &Path) -> Result<String, CliError> {
     }
     let limits = plan.phases.iter().flat_map(|p| &p.measures).filter(|m| m.limit.is_some()).count();
     Ok(format!(
-        "plan `{}`, {} phases, {:.1} s at {} Hz, {limits} limits",
+        "plan `{}`, {}, {:.1} s at {} Hz, {}",
         plan.name,
-        plan.phases.len(),
+        count(plan.phases.len(), "phase"),
         plan.duration_s(),
-        1.0 / plan.period_s
+        1.0 / plan.period_s,
+        count(limits, "limit")
     ))
 }
 
@@ -143,7 +149,16 @@ fn valve(path: &Path) -> Result<String, CliError> {
     let valve = checked_valve(path)?;
     let (low, high) = valve.curves.range_a;
     let (bottom, top) = valve.curves.pressure_range_bar();
-    let beyond = valve.warnings().into_iter().map(|w| format!("; note: {w}")).collect::<String>();
-    let effects = if valve.effects.is_empty() { String::new() } else { format!(", {} effects", valve.effects.len()) };
-    Ok(format!("valve `{}`, curves hold from {low:.3} A to {high:.3} A ({bottom:.2} bar to {top:.2} bar){effects}{beyond}", valve.name))
+    // The range is said once: by the warning, where there is one.
+    let range = match valve.warnings().as_slice() {
+        [] => format!("curves hold from {low:.3} A to {high:.3} A"),
+        some => some.iter().map(|w| w.trim_start_matches(&format!("{}: ", valve.name)).to_string()).collect::<Vec<_>>().join("; "),
+    };
+    let effects = if valve.effects.is_empty() { String::new() } else { format!(", {}", count(valve.effects.len(), "effect")) };
+    Ok(format!("valve `{}`{effects}, {bottom:.2} bar to {top:.2} bar; {range}", valve.name))
+}
+
+/// So many things, in the plural where there is not one.
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }

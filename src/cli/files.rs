@@ -159,6 +159,17 @@ pub fn of_project() -> Result<Vec<PathBuf>, CliError> {
         )));
     };
     let mut files = vec![root.join(PROJECT_FILE)];
+    // A station, a population; other programs keep their files here, too, and so do logs their mappings.
+    let beside = std::fs::read_dir(&root).into_iter().flatten().filter_map(|e| Some(e.ok()?.path()));
+    let is_ours = |p: &PathBuf| {
+        let is_toml = p.extension().is_some_and(|e| e == "toml") && p.file_name().is_some_and(|n| n != PROJECT_FILE);
+        let kinds = [crate::batch::station::SCHEMA, crate::batch::population::SCHEMA];
+        let known = |text: String| Some(kinds.contains(&text.parse::<toml::Table>().ok()?.get("schema")?.as_str()?));
+        is_toml && std::fs::read_to_string(p).ok().and_then(known).unwrap_or(false)
+    };
+    let mut beside: Vec<PathBuf> = beside.filter(is_ours).collect();
+    beside.sort();
+    files.extend(beside);
     for folder in ["plans", "valves", "drivers", "limits"] {
         let entries = std::fs::read_dir(root.join(folder)).into_iter().flatten().filter_map(|e| Some(e.ok()?.path()));
         let mut found: Vec<PathBuf> = entries.filter(|p| p.extension().is_some_and(|e| e == "toml")).collect();

@@ -171,6 +171,9 @@ fn text(survey: &Survey, read: &Result<Recording, String>, mapping: &str) -> Str
     for note in &survey.notes {
         let _ = writeln!(out, "  {note}");
     }
+    let longest =
+        |of: &dyn Fn(&ChannelSurvey) -> usize, most: usize| survey.channels.iter().map(of).filter(|n| *n <= most).max().unwrap_or(0);
+    let widths = (longest(&|c| c.name.chars().count(), NAME_COLUMNS), longest(&|c| unit(c).chars().count(), UNIT_COLUMNS));
     let mut group = "";
     for channel in &survey.channels {
         if channel.group != group {
@@ -178,7 +181,7 @@ fn text(survey: &Survey, read: &Result<Recording, String>, mapping: &str) -> Str
             let raster = channel.raster_s.filter(|r| *r > 0.0).map_or_else(String::new, |r| format!(", every {} s", short(r)));
             let _ = writeln!(out, "\ngroup {group}{raster}");
         }
-        out += &line(channel);
+        out += &line(channel, widths);
     }
     match read {
         Err(problem) => {
@@ -210,14 +213,24 @@ fn text(survey: &Survey, read: &Result<Recording, String>, mapping: &str) -> Str
     out
 }
 
-fn line(channel: &ChannelSurvey) -> String {
-    let unit = channel.unit.as_deref().unwrap_or("-");
+/// Columns that the names of channels, and their units, have at most; a longer name has a line of its own.
+const NAME_COLUMNS: usize = 22;
+const UNIT_COLUMNS: usize = 8;
+
+fn unit(channel: &ChannelSurvey) -> &str {
+    channel.unit.as_deref().unwrap_or("-")
+}
+
+fn line(channel: &ChannelSurvey, (names, units): (usize, usize)) -> String {
     let what = match channel.range {
         Some((low, high)) => format!("{} .. {}", short(low), short(high)),
         None if channel.texts.is_empty() => channel.content.to_string(),
         None => format!("{}: {}", channel.content, channel.texts.join(", ")),
     };
     let gaps = if channel.gaps > 0 { format!("  {} gaps", channel.gaps) } else { String::new() };
-    let name: String = channel.name.chars().take(26).collect();
-    format!("  {name:<26} {unit:<8} {:<32} {what}{gaps}\n", sparkline(&channel.spark))
+    let spark = sparkline(&channel.spark);
+    let curve = if spark.trim().is_empty() { String::new() } else { format!("{spark:<32} ") };
+    let (own_line, name) =
+        if channel.name.chars().count() > names { (format!("  {}\n", channel.name), "") } else { (String::new(), channel.name.as_str()) };
+    format!("{own_line}  {name:<names$} {:<units$} {curve}{what}{gaps}\n", unit(channel))
 }

@@ -71,8 +71,6 @@ mod station;
 mod tune;
 mod valves;
 
-use std::io::Write;
-
 use clap::{CommandFactory, Parser, Subcommand};
 
 pub use error::{CliError, CliResult, exit};
@@ -289,7 +287,7 @@ pub fn main() -> u8 {
     };
     manners::detail(|| format!("took {:.2} s", started.elapsed().as_secs_f64()));
     result.unwrap_or_else(|error| {
-        let _ = writeln!(anstream::stderr(), "error: {}", error::plain(&error.message));
+        note(&format!("error: {}", error::plain(&error.message)));
         error.code
     })
 }

@@ -1,18 +1,43 @@
-//! Reports have 80 columns. On a terminal that has fewer, the blanks between columns go first, then lines are broken.
+//! Reports have 80 columns. Where a terminal has fewer than a line needs, the blanks between columns go first, then lines are broken.
 
-use crate::report::{COLUMNS, fold};
+use crate::report::fold;
 
 /// No terminal is taken to be narrower.
 const LEAST: usize = 60;
 /// So many blanks stay between two columns.
 const GAP: usize = 2;
 
-/// A text for people as it fits the terminal that stdout is; as it is where there is none, or for programs (JSON, XML, HTML).
+/// A text for people as it fits the terminal that stdout is; as it is where there is none, or for programs (JSON, XML, HTML, Markdown).
 pub fn for_terminal(text: &str) -> Option<String> {
     let (terminal_size::Width(width), _) = terminal_size::terminal_size_of(std::io::stdout())?;
     let width = usize::from(width).max(LEAST);
-    let for_people = !text.starts_with(['{', '[', '<']) && !text.contains('\u{1b}');
-    (width < COLUMNS && for_people).then(|| fitted(text, width))
+    let for_people = !text.starts_with(['{', '[', '<', '#', '|']) && !text.contains('\u{1b}');
+    (for_people && is_wider(text, width)).then(|| fitted(text, width))
+}
+
+/// What is said beside the result, as it fits the terminal that stderr is: sentences are broken between words, excerpts of files stay.
+pub fn for_notes(text: &str) -> Option<String> {
+    let (terminal_size::Width(width), _) = terminal_size::terminal_size_of(std::io::stderr())?;
+    let width = usize::from(width).max(LEAST);
+    (!text.contains('\u{1b}') && is_wider(text, width)).then(|| broken(text, width))
+}
+
+fn is_wider(text: &str, width: usize) -> bool {
+    text.lines().any(|line| line.chars().count() > width)
+}
+
+fn broken(text: &str, width: usize) -> String {
+    let excerpt = |line: &str| line.contains(" | ") || ["|", "-->"].iter().any(|sign| line.trim_start().starts_with(sign));
+    let mut out: Vec<String> = Vec::new();
+    for line in text.lines() {
+        if excerpt(line) || line.chars().count() <= width {
+            out.push(line.into());
+            continue;
+        }
+        let indent = line.chars().take_while(|c| *c == ' ').count().min(width / 2);
+        out.extend(fold(line.trim_start(), width - indent).iter().map(|part| format!("{:indent$}{part}", "")));
+    }
+    out.join("\n")
 }
 
 /// The text with no line longer than `width`, but for single words that are.
@@ -84,5 +109,15 @@ mod tests {
         assert_eq!((rows[1].len(), rows[3].find("PASS"), rows.len()), (60, rows[2].find("PASS"), 7), "{narrow}");
         assert!(fitted(text, 60).lines().all(|l| l.chars().count() <= 60));
         assert_eq!(fitted(text, 100), text);
+    }
+
+    #[test]
+    fn a_long_message_breaks_between_words_and_the_excerpt_below_it_stays() {
+        let text = "error: no plan `nosuch`: no such file, and none that ships with the program; there are: characteristic, curve-error\n\
+            3 | phase = \"a line of the file that is longer than the terminal and is underlined below it\"\n  |         ^^^";
+        let narrow = broken(text, 60);
+        let lines: Vec<&str> = narrow.lines().collect();
+        assert_eq!(lines[0], "error: no plan `nosuch`: no such file, and none that ships");
+        assert!(lines[..2].iter().all(|l| l.chars().count() <= 60) && text.ends_with(&lines[2..].join("\n")), "{narrow}");
     }
 }

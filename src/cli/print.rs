@@ -16,8 +16,10 @@ pub fn print(text: &str) -> Result<(), CliError> {
     }
 }
 
-/// Writes a line to stderr.
+/// Writes a line to stderr, as wide as a terminal there is.
 pub fn note(text: &str) {
+    let narrow = narrow::for_notes(text);
+    let text = narrow.as_deref().unwrap_or(text);
     let _ = writeln!(anstream::stderr(), "{text}");
 }
 

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::coil::CoilCurrent;
+use super::evidence::Evidence;
 use super::foreign::Recalibration;
 use super::mistake::Mistake;
-use super::evidence::Evidence;
 use crate::valve::Valve;
 
 /// The schema key of a diagnosis.
@@ -89,6 +89,13 @@ pub struct Diagnosis {
     pub next_experiment: Option<NextExperiment>,
     /// What was noticed about the recording.
     pub notes: Vec<String>,
+}
+
+impl Diagnosis {
+    /// Whether the augmented model has anything that the model as given has not: an effect, or a discovered term.
+    pub fn adds(&self) -> bool {
+        !self.effects.is_empty() || self.discovered.is_some()
+    }
 }
 
 /// Root mean square errors [bar].

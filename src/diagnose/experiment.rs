@@ -66,7 +66,10 @@ pub fn next_experiment(found: &Diagnosed) -> Option<NextExperiment> {
         .filter_map(|stimulus| {
             let (time_s, current_a) = sampled(&stimulus.points, STEP_S);
             let separations = between.separations(&time_s, &current_a)?;
-            Some((decided(&separations), separations, stimulus))
+            // Were the noise white and all else known, a difference adds up as the root of the samples: what is not clear then never is.
+            let reach = CLEAR_SIGMA / (time_s.len() as f64).sqrt();
+            let is_seen = separations.iter().flatten().any(|(_, sigma)| *sigma >= reach);
+            is_seen.then(|| (decided(&separations), separations, stimulus))
         })
         .collect();
     let best = tried.iter().map(|t| t.0).fold(0.0, f64::max);
@@ -195,6 +198,8 @@ mod tests {
     fn equal_models_have_no_experiment_and_nothing_open_has_none() {
         assert_eq!(next_experiment(&found(LAG, &[LAG])), None);
         assert_eq!(next_experiment(&Diagnosed { open: None, ..found(CREEP, &[LAG]) }), None);
+        // Two lags of which no stimulus of the menu could ever say which it is.
+        assert_eq!(next_experiment(&found(LAG, &[("first_order_lag", "first_order_lag = { tau = \"20.002 ms\" }")])), None);
     }
 
     #[test]

@@ -62,13 +62,28 @@ pub fn bins(values: &[f64], residual: &[f64], count: usize) -> Vec<(f64, f64, Ve
     order.chunks(per).map(|c| (values[c[0]], values[c[c.len() - 1]], c.to_vec())).collect()
 }
 
+/// Bins of one single value joined with the next where that begins with the same value: which sample lies in which would be chance.
+fn whole_ties(bins: Vec<(f64, f64, Vec<usize>)>) -> Vec<(f64, f64, Vec<usize>)> {
+    let mut out: Vec<(f64, f64, Vec<usize>)> = Vec::new();
+    for (from, to, members) in bins {
+        match out.last_mut() {
+            Some(last) if last.0 == last.1 && last.1 == from => {
+                last.1 = to;
+                last.2.extend(members);
+            }
+            _ => out.push((from, to, members)),
+        }
+    }
+    out
+}
+
 /// Splits the squared error of `residual` by time, by operating region and by frequency.
 pub fn locate(evidence: &Evidence, residual: &[f64], simulated_bar: &[f64]) -> Place {
     let total: f64 = residual.iter().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>().max(1e-300);
     let noise = evidence.noise_bar * evidence.noise_bar;
     let mut regions: Vec<Region> = Vec::new();
     for variable in variables(evidence, simulated_bar).iter().filter(|v| v.name != "time_s") {
-        let all = bins(&variable.values, residual, BINS);
+        let all = whole_ties(bins(&variable.values, residual, BINS));
         let samples: usize = all.iter().map(|b| b.2.len()).sum();
         regions.extend(all.into_iter().map(|(from, to, members)| Region {
             variable: variable.name.into(),
@@ -145,4 +160,17 @@ fn band(evidence: &Evidence, residual: &[f64]) -> Option<(f64, f64)> {
         k.unwrap_or(excess.len() - 1) as f64 / (n as f64 * dt_s)
     };
     Some((at(0.1), at(0.9)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_of_one_value_are_in_one_place() {
+        let values = [0.0; 6].into_iter().chain([1.0, 2.0, 3.0, 4.0]).collect::<Vec<f64>>();
+        let all = whole_ties(bins(&values, &[1.0; 10], 5));
+        let ranges: Vec<(f64, f64, usize)> = all.iter().map(|b| (b.0, b.1, b.2.len())).collect();
+        assert_eq!(ranges, [(0.0, 0.0, 6), (1.0, 2.0, 2), (3.0, 4.0, 2)]);
+    }
 }

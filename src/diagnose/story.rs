@@ -93,7 +93,7 @@ pub fn story(found: &Diagnosed) -> Story {
     let (rate, direction) = movement(&evidence, &curves.base_bar);
     let strips = all.iter().map(|v| strip(v, &base, &augmented)).filter(|s| s.cells.len() > 1).collect();
     all.push(Variable { name: "pressure_rate_bar_per_s", values: rate });
-    let changed = !found.diagnosis.effects.is_empty();
+    let changed = found.diagnosis.adds();
     let signature = if changed {
         // A change within a small part of the noise is no signature.
         let visible = |s: &Signature| s.explained_bar2 > (0.1 * noise_bar).powi(2);

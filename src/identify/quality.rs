@@ -77,17 +77,16 @@ pub(super) fn quality(problem: &Problem<'_>, survey: &Survey, fit: &Fit, weights
 
 fn why(q: &Quality, rms_bar: f64, noise_bar: f64) -> String {
     let white = if q.correlation_samples <= WHITE_SAMPLES {
-        "they look like white noise".to_string()
+        "look like white noise".to_string()
     } else {
-        format!("they hang together over {:.0} samples", q.correlation_samples)
+        format!("hang together over {:.0} samples", q.correlation_samples)
     };
     let on: Vec<&str> = [(q.by_current, "the current and its direction"), (q.by_rate, "the rate of the current")]
         .into_iter()
         .filter(|(share, _)| *share > DEPENDENT)
         .map(|(_, name)| name)
         .collect();
-    let depend =
-        if on.is_empty() { "they do not depend on the input".to_string() } else { format!("they depend on {}", on.join(" and on ")) };
+    let depend = if on.is_empty() { "do not depend on the input".to_string() } else { format!("depend on {}", on.join(" and on ")) };
     let head = if q.adequate {
         format!("the model leaves {rms_bar:.4} bar RMSE where the sensor's noise is {noise_bar:.4} bar")
     } else if q.fit_percent <= 0.0 {
@@ -101,7 +100,7 @@ fn why(q: &Quality, rms_bar: f64, noise_bar: f64) -> String {
         (false, true) => ": no course is left that a model could follow; the pressure scatters more than from one reading to the next",
         (false, false) => "; `hil diagnose` says what it lacks",
     };
-    format!("{head}; of the residuals, {white} and {depend}{tail}")
+    format!("{head}; the residuals {white} and {depend}{tail}")
 }
 
 /// Means of values in bins.

@@ -119,6 +119,12 @@ pub fn score(role: Role, column: &Named) -> (i32, String) {
             score += if own { 4 } else { 1 };
             why.push(format!("the unit {unit}"));
         }
+        // What must be there is shown with a unit that nobody knows, too: a slip of the pen, or a voltage of a sensor.
+        (Some(unit), Role::Time | Role::Channel(Channel::Current | Channel::Pressure))
+            if !Role::all().any(|r| r.conversion(unit).is_ok()) =>
+        {
+            score -= 1;
+        }
         (Some(_), _) => score -= 6,
         (None, _) => {}
     }

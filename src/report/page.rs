@@ -9,6 +9,15 @@ const SCRIPT: &str = include_str!("assets/report.js");
 pub const HINT: &str = "Point or tap to read values; drag across to zoom in time, up to zoom the values, double-click for all. The keys of a legend \
     hide and show. Figures with the same axis move together.";
 
+/// A text of the program on a page: what stands between backticks is code.
+pub fn prose(text: &str) -> Markup {
+    html! {
+        @for (n, part) in text.split('`').enumerate() {
+            @if n % 2 == 1 { code { (part) } } @else { (part) }
+        }
+    }
+}
+
 /// A complete, self-contained page around `body`.
 pub fn page(title: &str, body: &Markup) -> String {
     html! {
@@ -93,5 +102,11 @@ mod tests {
                 assert!(grey > 7.0, "{theme}: {a} and {b} differ by {grey:.0} in grey");
             }
         }
+    }
+
+    #[test]
+    fn what_stands_between_backticks_is_code_and_nothing_else_is_markup() {
+        let page = super::prose("`hil <x>` tells & shows").into_string();
+        assert_eq!(page, "<code>hil &lt;x&gt;</code> tells &amp; shows");
     }
 }

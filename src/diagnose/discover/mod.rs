@@ -46,6 +46,8 @@ pub struct Found<'a> {
     pub tried: usize,
     /// Chance that the best of them is as good, of the first formula.
     pub p_value: f64,
+    /// Pressure of the model with the terms [bar].
+    pub pressure_bar: Vec<f64>,
 }
 
 impl Found<'_> {
@@ -97,6 +99,7 @@ impl Found<'_> {
         valve.effects.extend(beside);
         valve.noise_bar = noise_bar;
         found.augmented = valve;
+        found.curves.augmented_bar = self.pressure_bar.clone();
         // The augmented model has the term; of what is left, no effect of the library is asked about any more.
         found.diagnosis.rmse_bar.augmented_heldout = self.unseen.last().map_or(self.fit.rmse_bar, |u| u.rmse_bar.1);
         found.open = found.open.take().filter(|open| open.named.is_some());
@@ -167,7 +170,7 @@ fn look<'a>(fitter: &Fitter<'_>, fit: &Fit<'a>, mut rows: Rows<'_>) -> Option<Fo
     };
     let (without, all) = (of(&fit.model), of(&with.model));
     let adds_bar = (all.iter().zip(&without).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / all.len().max(1) as f64).sqrt();
-    Some(Found { terms, adds_bar, fit: with, unseen, tried: candidates.len(), p_value })
+    Some(Found { terms, adds_bar, fit: with, unseen, tried: candidates.len(), p_value, pressure_bar: all })
 }
 
 #[cfg(test)]

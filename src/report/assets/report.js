@@ -109,7 +109,7 @@
       label.style.left = 100 * l + "%"; label.style.width = 100 * (r - l) + "%";
     }
     for (const mark of f.marks) {
-      const l = mark.dataset.x === undefined ? 1 : px(f.x.place(+mark.dataset.x)), t = mark.dataset.y === undefined ? 0 : py(f.y.place(+mark.dataset.y));
+      const l = mark.dataset.x === undefined ? (mark.classList.contains("near") ? 0 : 1) : px(f.x.place(+mark.dataset.x)), t = mark.dataset.y === undefined ? 0 : py(f.y.place(+mark.dataset.y));
       mark.style.left = 100 * l + "%"; mark.style.top = 100 * t + "%"; mark.style.visibility = l < 0 || l > 1 || t < 0 || t > 1 ? "hidden" : "";
     }
     f.node.classList.toggle("zoomed", !whole);
@@ -165,7 +165,7 @@
     out += `</svg><rect x="${L}" y="${T}" width="${w}" height="${h}" fill="none" stroke="${css("--line")}"/>`;
     for (const s of f.xTicks.children) out += text(L + parseFloat(s.style.left) / 100 * w, T + h + 17, s.textContent, 'text-anchor="middle"');
     for (const s of f.yTicks.children) out += text(L - 8, T + parseFloat(s.style.top) / 100 * h + 4, s.textContent, 'text-anchor="end"');
-    for (const m of f.area.querySelectorAll(".marker-label")) if (m.style.visibility !== "hidden") out += text(L + parseFloat(m.style.left) / 100 * w + (m.classList.contains("flip") ? -7 : 9), T + parseFloat(m.style.top) / 100 * h + 4 + (m.classList.contains("low") ? 12 : 0), m.textContent, m.classList.contains("flip") ? 'text-anchor="end"' : "");
+    for (const m of f.area.querySelectorAll(".marker-label")) if (m.style.visibility !== "hidden") out += text(L + parseFloat(m.style.left) / 100 * w + (m.classList.contains("flip") ? -7 : 9), T + parseFloat(m.style.top) / 100 * h + 4 + (m.classList.contains("low") ? 12 : 0) + (m.classList.contains("lower") ? 15 : 0), m.textContent, m.classList.contains("flip") ? 'text-anchor="end"' : "");
     return out + text(L + w / 2, T + h + 38, f.xLabel, 'text-anchor="middle"') + text(0, 0, f.yLabel, `text-anchor="middle" transform="translate(16 ${T + h / 2}) rotate(-90)"`) + "</svg>";
   };
   const png = (f) => {

@@ -17,7 +17,7 @@ pub fn pareto(summary: &BatchSummary) -> Markup {
     html! {
         .card.scroll {
             table.pareto {
-                thead { tr { th { "cause" } th.num { "failures" } th { "share of the failures; the mark is the sum so far" } th.num { "share" } th.num { "cumulative" } } }
+                thead { tr { th { "cause" } th.num { "failures" } th.share { "share of the failures; the mark is the sum so far" } th.num { "share" } th.num { "cumulative" } } }
                 tbody {
                     @for bar in shown {
                         tr {

@@ -84,17 +84,22 @@ pub fn valves(summary: &BatchSummary) -> Markup {
         p.hint.soft { "Click a heading to sort. " label { "Show only: " input #filter data-filter="valves" type="search" placeholder="serial, lot, verdict"; } }
         @if more > 0 { p.soft { (more) " more metrics with a limit are in measurements.csv." } }
         .card.scroll {
-            table #valves.sortable.wide {
+            table #valves.sortable.wide.widest[shown.len() > 10] {
                 thead { tr {
                     th.num { "no." } th { "serial" } @if part { th { "part" } } @if revision { th { "rev." } } @if lot { th { "lot" } }
                     th { "verdict" } @if retried { th { "attempts" } }
-                    @for (_, m) in &shown { th.num { (m.name) @if m.unit != "1" { " [" (m.unit) "]" } } }
+                    @for (_, m) in &shown { th.num { (breakable(&m.name)) @if m.unit != "1" { " [" (m.unit) "]" } } }
                     th { "reason" }
                 } }
                 tbody { (PreEscaped(rows)) }
             }
         }
     }
+}
+
+/// A name that may go on in another line behind `/` and before `_`.
+fn breakable(name: &str) -> Markup {
+    html! { @for part in name.split_inclusive('/') { @for (n, word) in part.split('_').enumerate() { @if n > 0 { wbr; "_" } (word) } wbr; } }
 }
 
 fn push_row(

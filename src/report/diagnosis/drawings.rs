@@ -66,10 +66,13 @@ pub fn run(found: &Diagnosed, run: &RunStory, named: bool) -> Markup {
 
 /// What the second simulation is called.
 fn after(d: &Diagnosis) -> &'static str {
-    match (d.effects.len(), d.recalibration.is_empty()) {
-        (0, _) => "recalibrated",
-        (1, _) => "with the missing effect",
-        _ => "with the missing effects",
+    match (d.effects.len(), d.discovered.is_some()) {
+        (0, false) => "recalibrated",
+        (0, true) => "with the term that was found",
+        (1, false) => "with the missing effect",
+        (1, true) => "with the missing effect and the term",
+        (_, false) => "with the missing effects",
+        (_, true) => "with the missing effects and the term",
     }
 }
 
@@ -86,7 +89,7 @@ fn slices_of(d: &Diagnosis, run: &RunStory) -> Markup {
     };
     let base = run.slices.iter().map(|s| s.base_bar).collect();
     let mut figure = Figure::new(head, time, "RMS error [bar]").height(150).bars("model as given", Color::Error, middle.clone(), base);
-    if !d.effects.is_empty() {
+    if d.adds() {
         figure = figure.bars(after(d), Color::Good, middle, run.slices.iter().map(|s| s.augmented_bar).collect());
     }
     figure.horizontal("sensor noise", Color::Neutral, d.rmse_bar.noise_floor).render()
@@ -139,10 +142,15 @@ pub fn signature(d: &Diagnosis, s: &Signature) -> Markup {
 pub fn rest(d: &Diagnosis, s: &Signature) -> Markup {
     let quantity = if s.axis.along_movement { "mean error along the movement [bar]" } else { "mean error [bar]" };
     let noise = d.rmse_bar.noise_floor;
-    Figure::new("On what the rest depends most", s.axis.label.clone(), quantity)
+    Figure::new("The rest, over the variable where most of it shows", s.axis.label.clone(), quantity)
         .height(220)
         .band_y("", Color::Neutral, -noise, noise)
-        .line("what no effect carries", Color::Error, s.at.clone(), s.base_bar.clone())
+        .line(
+            if d.discovered.is_some() { "what the term leaves, too" } else { "what no effect carries" },
+            Color::Error,
+            s.at.clone(),
+            s.base_bar.clone(),
+        )
         .points("", Color::Error, s.at.clone(), s.base_bar.clone())
         .caption("Mean over ranges of equal count. No physics stands behind this line: it says where to look.")
         .render()

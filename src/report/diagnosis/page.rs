@@ -4,9 +4,10 @@ use maud::{Markup, PreEscaped, html};
 
 use super::{drawings, tables};
 use crate::diagnose::{Diagnosed, Diagnosis, Story, Verdict, title};
+use crate::report::page::prose;
 
 /// What this page has beyond the style of all reports.
-const STYLE: &str = r"
+const STYLE: &str = r#"
 .badge.match { background: var(--pass); } .badge.explained { background: var(--measured); } .badge.partly { background: var(--marginal); } .badge.unexplained { background: var(--fail); }
 .answer { border-left: 5px solid var(--c); background: color-mix(in srgb, var(--c) 7%, var(--card)); border-radius: 0 10px 10px 0; padding: 10px 18px; margin: 18px 0 0; }
 .answer.match { --c: var(--pass); } .answer.explained { --c: var(--measured); } .answer.partly { --c: var(--marginal); } .answer.unexplained { --c: var(--fail); }
@@ -15,10 +16,17 @@ table.heat td.cell { background: color-mix(in srgb, var(--error) var(--p), var(-
 table.heat th.name { width: 19%; } table.heat th.model { width: 11%; font-weight: 400; }
 td .gauge { min-width: 60px; } tr.named td { font-weight: 600; background: color-mix(in srgb, var(--good) 9%, var(--card)); }
 h3 .soft { font-weight: 400; }
-@media (max-width: 860px) { table.heat { min-width: 620px; } }
+@media (max-width: 600px) {
+  /* The name of a variable has a line of its own, so that all ranges are seen at once. */
+  table.heat { font-size: 11px; } table.heat, table.heat tbody { display: block; } table.heat tbody { display: grid; grid-template-columns: max-content repeat(var(--cells), minmax(0, 1fr)); margin-bottom: 6px; } table.heat colgroup { display: none; } table.heat tr { display: contents; }
+  table.heat td, table.heat th { padding: 3px 1px; border-width: 1px; width: auto; } table.heat th.name { grid-column: 1 / -1; width: auto; padding-top: 6px; } table.heat th.model { grid-column: 1; width: auto; padding-right: 5px; white-space: nowrap; } table.heat td.from { font-size: 9.5px; overflow-wrap: anywhere; }
+  /* Why not, below what was tried. */
+  table.tried, table.tried tbody { display: block; } table.tried thead { display: none; } table.tried tr { display: grid; grid-template-columns: minmax(0, 1fr) auto auto; gap: 0 10px; border-bottom: 1px solid var(--grid); padding: 5px 0; } table.tried td { border: 0; padding: 0 6px; } table.tried td.share { display: none; } table.tried tr.named { background: color-mix(in srgb, var(--good) 9%, var(--card)); } table.tried td.why { grid-column: 1 / -1; }
+  table.tried td[data-of]::before { content: attr(data-of) " "; color: var(--soft); font-size: 12px; font-weight: 400; }
+}
 @media (prefers-color-scheme: dark) { .badge.match { background: #1d7a45; } .badge.explained { background: #2a62b8; } .badge.partly { background: #8a5a10; } .badge.unexplained { background: #b3261e; } }
 @media print { .rest { display: none; } }
-";
+"#;
 
 /// The page; `story` is what [`crate::diagnose::story`] makes of the same diagnosis.
 pub fn page(found: &Diagnosed, story: &Story) -> String {
@@ -52,7 +60,11 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
         }
         @if !d.recalibration.is_empty() { (tables::recalibration(d)) }
         @if let Some(rest) = &d.unexplained { h2 { "What is left" } (tables::remainder(rest)) @if let Some(s) = &story.rest { (drawings::rest(d, s)) } }
-        @if let Some(term) = &d.discovered { h2 { "A term that no effect of the library holds" } (super::discovered::discovered(term)) }
+        @if let Some(term) = &d.discovered {
+            h2 { "A term that no effect of the library holds" }
+            (super::discovered::discovered(term))
+            @if let Some(signature) = story.signature.as_ref().filter(|_| d.effects.is_empty()) { (drawings::signature(d, signature)) }
+        }
         h2 { "What was tried" }
         (tables::candidates(d))
         h2 { "How well each model does on data it has not seen" }
@@ -60,7 +72,7 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
         h2 { "What to do next" }
         (tables::next(d, found.recalibration.is_some()))
         @if let Some(next) = &d.next_experiment { (drawings::experiment(next)) }
-        @if !d.notes.is_empty() { h2 { "Noticed about recording and model" } .card { ul { @for note in &d.notes { li { (note) } } } } }
+        @if !d.notes.is_empty() { h2 { "Noticed about recording and model" } .card { ul { @for note in &d.notes { li { (prose(note)) } } } } }
         footer {
             "Errors are measured minus simulated. The simulations run free: they see the recorded current, never the measured pressure. Schema "
             code { (d.schema) } "; nothing on this page was fetched."
@@ -108,7 +120,7 @@ fn heading(d: &Diagnosis) -> Markup {
             .badges { span.badge.big.(class) { (text) } }
         }
         .answer.(class) {
-            p.lead { (d.summary) }
+            p.lead { (prose(&d.summary)) }
             @for f in d.effects.iter().filter(|f| !f.indistinguishable.is_empty()) {
                 p { "This recording cannot tell " b { (title(&f.id)) } " from "
                     @for (k, id) in f.indistinguishable.iter().enumerate() { @if k > 0 { " or " } b { (title(id)) } }

@@ -15,8 +15,12 @@ pub fn tiles(d: &Diagnosis) -> Markup {
         .tiles {
             (tile("model as given", e.base, "RMS error, all data"))
             (tile("recalibrated", e.refit_heldout, "RMS error, held-out data"))
-            @if !d.effects.is_empty() { (tile("with what is missing", e.augmented_heldout, "RMS error, held-out data")) }
-            (tile("sensor noise", e.noise_floor, "no model does better"))
+            @if d.discovered.is_some() {
+                (tile(if d.effects.is_empty() { "with the term" } else { "with what is missing" }, e.augmented_heldout, "RMS error, data that the search has not seen"))
+            } @else if !d.effects.is_empty() {
+                (tile("with what is missing", e.augmented_heldout, "RMS error, held-out data"))
+            }
+            (tile("sensor noise", e.noise_floor, "estimated from the readings"))
             @if let Some(share) = recovered(d) {
                 .tile { .name { "misfit explained" } .value { (format!("{:.0}", 100.0 * share)) " " small { "%" } } .note { "of what lies above the noise" } }
             }
@@ -28,7 +32,9 @@ pub fn tiles(d: &Diagnosis) -> Markup {
 fn recovered(d: &Diagnosis) -> Option<f64> {
     let e = &d.rmse_bar;
     let above = e.base_heldout - e.noise_floor;
-    (!d.effects.is_empty() && above > 0.0).then(|| ((e.base_heldout - e.augmented_heldout) / above).clamp(0.0, 1.0))
+    // With a discovered term the error is that on its unseen part alone.
+    (!d.effects.is_empty() && d.discovered.is_none() && above > 0.0)
+        .then(|| ((e.base_heldout - e.augmented_heldout) / above).clamp(0.0, 1.0))
 }
 
 /// The operating point as strips of cells, darker where the error is larger.
@@ -40,16 +46,16 @@ pub fn strips(d: &Diagnosis, story: &Story) -> Markup {
     let row = |cells: &[Cell], of: &dyn Fn(&Cell) -> f64| {
         html! { @for cell in cells { td.cell style={ "--p:" (format!("{:.0}", percent(of(cell)))) "%" } { (format!("{:.3}", of(cell))) } } }
     };
-    let changed = !d.effects.is_empty();
+    let changed = d.adds();
     let most = story.strips.iter().map(|s| s.cells.len()).max().unwrap_or_default();
     html! {
         .card.scroll {
-            p { b { "RMS error [bar] over the operating point" } ", ranges of equal count; the darker, the larger the error." }
+            p { b { "RMS error [bar] over the operating point" } ", ranges of equal count; the stronger the colour, the larger the error." }
             table.heat {
                 colgroup { col style="width:16%"; col style="width:9%"; }
                 @for strip in &story.strips {
                     @let missing = most.saturating_sub(strip.cells.len());
-                    tbody {
+                    tbody style={ "--cells:" (most) } {
                         tr {
                             th.name rowspan=(if changed { 3 } else { 2 }) { (strip.label) }
                             th.model { "as given" }
@@ -167,15 +173,16 @@ pub fn candidates(d: &Diagnosis) -> Markup {
     html! {
         .card.scroll {
             p.soft { "Each effect added alone to the recalibrated model. BIC on effective samples: the more negative, the better; a difference of ten is very strong evidence." }
-            table {
+            table.tried {
                 thead { tr { th { "effect" } th.num { "BIC" } th { "of the best" } th.num { "held-out RMSE [bar]" } th { "why not" } } }
                 tbody {
                     @for c in &d.candidates {
                         tr.named[c.rejected_because.is_none()] {
                             td { (title(&c.id)) }
-                            td.num { (format!("{:.0}", c.bic)) }
-                            td { span.gauge { i style={ "width:" (format!("{:.1}", (100.0 * -c.bic / best).clamp(0.0, 100.0))) "%" } {} } }
-                            td.num { (c.heldout_rmse_bar.map_or_else(|| "-".to_string(), |r| format!("{r:.3}"))) }
+                            // No fit, no figure.
+                            td.num data-of="BIC" { @if c.bic == 0.0 { "-" } @else { (format!("{:.0}", c.bic)) } }
+                            td.share { span.gauge { i style={ "width:" (format!("{:.1}", (100.0 * -c.bic / best).clamp(0.0, 100.0))) "%" } {} } }
+                            td.num data-of="bar" { (c.heldout_rmse_bar.map_or_else(|| "-".to_string(), |r| format!("{r:.3}"))) }
                             td.why { (c.rejected_because.as_deref().unwrap_or("named")) }
                         }
                     }
@@ -200,7 +207,15 @@ pub fn errors(d: &Diagnosis) -> Markup {
                 tbody {
                     (row("as given", Some(e.base), Some(e.base_heldout)))
                     (row("recalibrated, nothing added", None, Some(e.refit_heldout)))
-                    @if !d.effects.is_empty() { (row("with what is missing", None, Some(e.augmented_heldout))) }
+                    @if let Some(term) = &d.discovered {
+                        (row("with the term, on all data that it was fitted to", Some(term.rmse_with_bar), None))
+                        @for u in &term.unseen {
+                            (row(&format!("without it, on the {} that its search has not seen", u.on), None, Some(u.rmse_without_bar)))
+                            (row(&format!("with it, on the {} that its search has not seen", u.on), None, Some(u.rmse_with_bar)))
+                        }
+                    } @else if !d.effects.is_empty() {
+                        (row("with what is missing", None, Some(e.augmented_heldout)))
+                    }
                     (row("sensor noise", Some(e.noise_floor), None))
                 }
             }

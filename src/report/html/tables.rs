@@ -136,7 +136,7 @@ pub fn identity(record: &TestRecord) -> Markup {
                     dt { "safe state" } dd { @if safe.confirmed { "confirmed: " } @else { b { "not confirmed: " } } (safe.evidence) }
                 }
                 @if let Some(provenance) = &record.provenance {
-                    dt { "started" } dd { (provenance.started) }
+                    dt { "started" } dd { (to_the_second(&provenance.started)) }
                     dt { "program" } dd { "hil " (provenance.version) }
                     @if let Some(station) = &provenance.station { dt { "station" } dd { (station_text(station)) } }
                 }
@@ -152,5 +152,13 @@ fn station_text(station: &Value) -> Markup {
             Value::String(text) => (text),
             other => (other.to_string()),
         }
+    }
+}
+
+/// A time stamp without what lies below the second.
+fn to_the_second(stamp: &str) -> String {
+    match stamp.split_once('.') {
+        Some((whole, rest)) => format!("{whole}{}", rest.trim_start_matches(|c: char| c.is_ascii_digit())),
+        None => stamp.into(),
     }
 }

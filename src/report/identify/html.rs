@@ -20,9 +20,9 @@ pub fn html(found: &Identified) -> String {
             }
         }
         @if !found.warnings.is_empty() {
-            .notice.bad { @for warning in &found.warnings { p { (warning) } } }
+            .notice.bad { @for warning in &found.warnings { p { (page::prose(warning)) } } }
         }
-        @if found.quality.adequate { p { (found.quality.why) "." } } @else { .notice.bad { p { (found.quality.why) "." } } }
+        @if found.quality.adequate { p { (sentence(&found.quality.why)) } } @else { .notice.bad { p { (sentence(&found.quality.why)) } } }
         (tiles(found))
         h2 { "The loop" }
         p.soft.hint { (crate::report::page::HINT) }
@@ -37,10 +37,27 @@ pub fn html(found: &Identified) -> String {
         (parameters(found))
         @if !found.orders.is_empty() { (orders(found)) }
         h2 { "What was found and handled" }
-        .card { ul { @for note in &found.notes { li { (note) } } } }
+        .card { ul { @for note in &found.notes { li { (page::prose(note)) } } } }
         footer { "Standard errors hold for a model of the right form; they are inflated by the correlation time of the residual." }
     };
-    page(&format!("{}: identification", valve.name), &body)
+    page::page(&format!("{}: identification", valve.name), &body)
+}
+
+/// A time of the model in the digits that its error allows, in a unit that reads well.
+fn time(found: &Identified, name: &str, value_s: f64) -> (String, &'static str) {
+    let (factor, unit) = if value_s < 1.0 { (1e3, "ms") } else { (1.0, "s") };
+    match found.parameters.iter().find(|p| p.name == name) {
+        Some(p) if super::is_determined(p) => (super::digits(factor * p.value, factor * p.std_error).0, unit),
+        Some(_) if value_s > 0.0 => ("not determined".into(), ""),
+        _ => (format!("{:.2}", factor * value_s), unit),
+    }
+}
+
+/// The text as a sentence of its own.
+fn sentence(text: &str) -> Markup {
+    let mut letters = text.chars();
+    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+    page::prose(&format!("{first}{}.", letters.as_str()))
 }
 
 fn tiles(found: &Identified) -> Markup {
@@ -54,10 +71,14 @@ fn tiles(found: &Identified) -> Markup {
             (tile("RMSE of the model", format!("{:.4}", found.rmse_bar), "bar", format!("sensor noise {:.4} bar", valve.noise_bar)))
             (tile("pressure explained", format!("{:.3}", found.quality.fit_percent), "%", if found.quality.adequate { "the form fits".into() } else { "the form does not fit".into() }))
             (tile("RMSE of the average model", format!("{:.4}", found.rmse_average_model_bar), "bar", "mean of both curves".into()))
-            (tile("delay", format!("{:.2}", 1e3 * valve.delay_s), "ms", format!("margins are judged from {:.1} ms to {:.1} ms", 1e3 * valve.delay_range_s.0, 1e3 * valve.delay_range_s.1)))
-            (tile("lag", format!("{:.2}", 1e3 * valve.lag_s), "ms", if valve.lag_s > 0.0 { String::new() } else { "none is shown by the data".into() }))
+            @let (delay, unit) = time(found, "delay", valve.delay_s);
+            @let range = [valve.delay_range_s.0, valve.delay_range_s.1].map(|t| if valve.delay_s < 1.0 { format!("{:.1} ms", 1e3 * t) } else { format!("{t:.1} s") });
+            (tile("delay", delay, unit, format!("margins are judged from {} to {}", range[0], range[1])))
+            @let (lag, unit) = time(found, "lag", valve.lag_s);
+            (tile("lag", lag, unit, if valve.lag_s > 0.0 { String::new() } else { "none is shown by the data".into() }))
             @if let crate::valve::Hysteresis::Hyperbolic { a_bar2 } = valve.hysteresis {
-                (tile("a", format!("{a_bar2:.4}"), "bar²", "hyperbola".into()))
+                @let (value, error) = found.parameters.iter().find(|p| p.name == "a").map_or_else(|| (format!("{a_bar2:.4}"), String::new()), super::figures);
+                (tile("a", value, "bar²", if error.is_empty() { "hyperbola".into() } else { format!("hyperbola, standard error {error} bar²") }))
             } @else {
                 (tile("hysteresis", valve.hysteresis.name().into(), "", String::new()))
             }

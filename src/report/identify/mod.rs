@@ -204,5 +204,22 @@ fn digits(value: f64, error: f64) -> (String, String) {
     let place = error.log10().floor() as i32 - 1;
     let decimals = (-place).clamp(0, 12) as usize;
     let round = |v: f64| if place > 0 { (v / 10f64.powi(place)).round() * 10f64.powi(place) } else { v };
-    (format!("{:.decimals$}", round(value)), format!("{:.decimals$}", round(error)))
+    let plain = |v: f64| format!("{:.decimals$}", round(v));
+    let text = plain(value);
+    // Nothing is left of the value: zero has no sign.
+    let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
+    (if is_zero { text.trim_start_matches('-').into() } else { text }, plain(error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_has_the_digits_that_its_error_allows_and_zero_has_no_sign() {
+        let of = |value, error| digits(value, error);
+        assert_eq!(of(7.196_44, 1.09), ("7.2".into(), "1.1".into()));
+        assert_eq!(of(-42.590_4, 0.079), ("-42.590".into(), "0.079".into()));
+        assert_eq!(of(-3.2, 380.0), ("0".into(), "380".into()));
+    }
 }

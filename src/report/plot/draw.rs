@@ -62,9 +62,13 @@ fn axes(figure: &Figure) -> (Axis, Axis) {
     let ys = figure.series.iter().flat_map(|s| s.y.iter().copied().chain((s.stroke == Stroke::Bars).then_some(0.0)));
     let ys = ys.chain(figure.markers.iter().filter_map(|m| m.y));
     let mut y = Axis::over(ys, figure.y_range, figure.y_scale, 0.05);
-    if figure.y_range.is_none() && y.scale == super::Scale::Linear && figure.bands.iter().any(|b| b.vertical && !b.label.is_empty()) {
+    if figure.y_range.is_none() && figure.bands.iter().any(|b| b.vertical && !b.label.is_empty()) {
         // Room for the labels of the bands above the curves.
-        y.to += 18.0 / f64::from(figure.height_px.max(100)) * (y.to - y.from);
+        let room = 18.0 / f64::from(figure.height_px.max(100));
+        match y.scale {
+            super::Scale::Linear => y.to += room * (y.to - y.from),
+            super::Scale::Log => y.to *= (y.to / y.from).powf(room),
+        }
     }
     (Axis::over(xs, figure.x_range, figure.x_scale, 0.0), y)
 }
@@ -183,22 +187,55 @@ fn marker_path(marker: &Marker, x: &Axis, y: &Axis) -> Markup {
     }
 }
 
+/// Where the labels of the markers stand, so that none hides another: of rules across, those too near to the last one on the right
+/// go to the left (`near`); of rules up, those beside the last one stand lower (`low`).
+fn places(figure: &Figure, x: &Axis, y: &Axis) -> Vec<&'static str> {
+    // Height of a line of text [px]; a label's share of the width of a narrow figure.
+    const LINE_PX: f64 = 16.0;
+    const WIDE: f64 = 0.4;
+    let mut classes = vec![""; figure.markers.len()];
+    let sorted = |of: &dyn Fn(&Marker) -> Option<f64>| {
+        let mut places: Vec<(f64, usize)> =
+            figure.markers.iter().enumerate().filter(|(_, m)| !m.label.is_empty()).filter_map(|(k, m)| Some((of(m)?, k))).collect();
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        places
+    };
+    let (mut right, mut left) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+    for (top, k) in sorted(&|m| m.y.filter(|_| m.x.is_none()).map(|v| f64::from(figure.height_px) * (1.0 - y.place(v)))) {
+        if top - right >= LINE_PX || top - left < LINE_PX {
+            right = top;
+        } else {
+            (left, classes[k]) = (top, "near");
+        }
+    }
+    let mut last = (f64::NEG_INFINITY, "");
+    for (at, k) in sorted(&|m| m.x.filter(|_| m.y.is_none()).map(|v| x.place(v))) {
+        classes[k] = if at - last.0 < WIDE && last.1.is_empty() { "low" } else { "" };
+        last = (at, classes[k]);
+    }
+    classes
+}
+
 fn labels(figure: &Figure, x: &Axis, y: &Axis) -> Markup {
+    let places = places(figure, x, y);
+    // The label of a single band may be wider than the band.
+    let is_single = figure.bands.iter().filter(|b| b.vertical && !b.label.is_empty()).count() == 1;
     html! {
         @for band in figure.bands.iter().filter(|b| !b.label.is_empty()) {
             @if band.vertical {
                 @let (from, to) = (x.place(band.from).clamp(0.0, 1.0), x.place(band.to).clamp(0.0, 1.0));
-                span.band-label data-from=(band.from) data-to=(band.to) title=(band.label)
-                    style={ "left:" (percent(from)) ";width:" (percent((to - from).max(0.0))) } { (band.label) }
+                @let left = if is_single { format!("min({}, 100% - {:.1}em)", percent(from), 0.7 * band.label.len() as f64 + 1.0) } else { percent(from) };
+                span.band-label.single[is_single] data-from=(band.from) data-to=(band.to) title=(band.label)
+                    style={ "left:" (left) ";width:" (percent((to - from).max(0.0))) } { (band.label) }
             } @else {
                 span.band-label style={ "right:0;top:" (percent(1.0 - y.place(band.to).clamp(0.0, 1.0))) } { (band.label) }
             }
         }
-        @for marker in figure.markers.iter().filter(|m| !m.label.is_empty()) {
-            @let left = marker.x.map_or(1.0, |v| x.place(v));
+        @for (marker, place) in figure.markers.iter().zip(places).filter(|(m, _)| !m.label.is_empty()) {
+            @let left = marker.x.map_or(if place == "near" { 0.0 } else { 1.0 }, |v| x.place(v));
             @let top = marker.y.map_or(0.0, |v| 1.0 - y.place(v));
             @if (0.0..=1.0).contains(&left) && (0.0..=1.0).contains(&top) {
-                span.marker-label.(marker.color.class()).flip[left > 0.72].low[top < 0.08] data-x=[marker.x] data-y=[marker.y] style={ "left:" (percent(left)) ";top:" (percent(top)) } { (marker.label) }
+                span.marker-label.(marker.color.class()).flip[left > 0.72].low[top < 0.08].lower[place == "low"].near[place == "near"] data-x=[marker.x] data-y=[marker.y] style={ "left:" (percent(left)) ";top:" (percent(top)) } { (marker.label) }
             }
         }
     }
@@ -230,6 +267,17 @@ mod tests {
         };
         let axis = |to: f64| Axis { from: 0.0, to, scale: super::super::Scale::Linear };
         assert_eq!(path(&series, &axis(4.0), &axis(2.0)), "M0 100000M10000 50000l5000 0");
+    }
+
+    #[test]
+    fn labels_of_rules_that_lie_close_together_stand_on_two_sides_or_two_lines() {
+        let across =
+            [0.0, 0.5, 0.52, 0.54, 1.0].iter().fold(Figure::new("f", "x", "y").height(200), |f, v| f.horizontal("rule", Color::Error, *v));
+        let (x, y) = axes(&across);
+        assert_eq!(places(&across, &x, &y), ["", "", "near", "", ""]);
+        let up = [0.0, 0.3, 0.35, 1.0].iter().fold(Figure::new("f", "x", "y"), |f, v| f.vertical("rule", Color::Error, *v));
+        let (x, y) = axes(&up);
+        assert_eq!(places(&up, &x, &y), ["", "low", "", ""]);
     }
 
     #[test]
