@@ -49,6 +49,8 @@ for (const [name, [file, largest]] of Object.entries(pages)) {
     const badge = page.locator("header.top .badge").last();
     if (await badge.count()) { const box = await badge.boundingBox(); check(`${what}: the verdict is on the first screen`, box.x >= 0 && box.x + box.width <= width && box.y < 900, JSON.stringify(box)); }
     for (const verdict of await page.locator("table.verdicts td.verdict").all()) { const box = await verdict.boundingBox(); if (!box || box.x + box.width > width) { check(`${what}: a row's verdict is on the screen`, false, JSON.stringify(box)); break; } }
+    const hidden = await page.evaluate(() => [...document.querySelectorAll("table.heat td.cell, table.tried td, table.pareto td")].filter((n) => n.checkVisibility() && n.getBoundingClientRect().right > innerWidth).length);
+    check(`${what}: every place of the error and every reason is on the screen`, hidden === 0, `${hidden} cells`);
     await use(page, what, width === 480);
     check(`${what}: no error of the script`, errors.length === 0, errors.join("; "));
     check(`${what}: nothing is fetched`, fetched.length === 0, fetched.join("; "));
@@ -128,6 +130,12 @@ async function print(name, url) {
   await page.goto(url);
   const cut = await page.evaluate(() => [...document.querySelectorAll("table, figure, dl")].filter((n) => n.checkVisibility() && (n.getBoundingClientRect().right > innerWidth + 1 || n.scrollWidth > n.clientWidth + 1)).map((n) => n.tagName + " " + n.className + " " + n.getBoundingClientRect().right));
   check(`${name} printed: no column is cut`, cut.length === 0, cut.join("; "));
+  const broken = await page.evaluate(() => [...document.querySelectorAll("td.num")].filter((n) => {
+    if (!n.checkVisibility() || n.firstChild?.nodeType !== 3) return false;
+    const range = document.createRange(); range.selectNodeContents(n.firstChild);
+    return new Set([...range.getClientRects()].map((r) => Math.round(r.top))).size > 1;
+  }).map((n) => n.firstChild.textContent));
+  check(`${name} printed: no figure is broken over two lines`, broken.length === 0, broken.slice(0, 5).join("; "));
   await page.pdf({ path: join(folder, `${name}.pdf`), preferCSSPageSize: true, printBackground: true });
   check(`${name} printed: a document`, existsSync(join(folder, `${name}.pdf`)));
   await context.close();
