@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use assert_cmd::Command;
+use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 use serde_json::Value;
 
@@ -68,6 +69,7 @@ fn the_messy_log_goes_through_with_the_mapping_that_inspect_wrote() {
     for wanted in ["names in line 4", "run kalt: 1500 samples", "run hei\u{df}", "Drehzahl", "\u{2588}", "latin-1"] {
         assert!(text.contains(wanted), "{wanted} not in\n{text}");
     }
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     let mapping = std::fs::read_to_string(bench.path().join("log.map.toml")).unwrap();
     for line in [
         "time_s = \"Datum + Zeit\"",
@@ -137,6 +139,8 @@ fn a_unit_that_nobody_knows_is_refused_with_the_near_ones() {
     refused("pressure_bar=p [kp/cm2]", 2, "the unit `kp/cm2` is not one of a pressure");
     refused("pressure_bar=p", 3, "the unit `kp/cm2` is not one of a pressure");
     refused("pressure_bar=q", 3, "did you mean `MPa`?");
+    bench.put("slip.csv", "t [s],Ventilstrom [mA],Kupplungsdruck [mbarr]\n0,500,10\n0.01,510,11\n");
+    bench.hil(&["inspect", "slip.csv"]).code(0).stdout(contains("# look here").and(contains("did you mean `mbar`?")));
     bench.hil(&["simulate", "log.csv", "--model", "paper", "--map", "pressure_bar=0.980665 * p", "-o", "o.csv"]).code(0);
 }
 

@@ -46,7 +46,16 @@ fn found(runs: Vec<Run>) -> Option<Vec<String>> {
     let base = Model::base(&valve).unwrap().on(&evidence);
     let fitter = Fitter::new(&evidence);
     let null = fitter.recalibrate(&base, &[]);
-    discover(&fitter, &null).map(|found| found.terms.iter().map(Term::text).collect())
+    let term = discover(&fitter, &null)?;
+    // What the page draws is the model with the term.
+    let diagnosis = crate::diagnose::diagnosis::tests::nothing();
+    let curves = crate::diagnose::diagnosis::Curves::along(&evidence);
+    let mut entered = Diagnosed { diagnosis, augmented: valve.clone(), curves, open: None, recalibration: None };
+    term.enter(&mut entered, &null, Vec::new());
+    assert!(entered.diagnosis.adds() && term.adds_bar > 0.0);
+    assert_eq!(entered.curves.augmented_bar, term.pressure_bar);
+    assert_eq!(term.pressure_bar.len(), entered.curves.measured_bar.len());
+    Some(term.terms.iter().map(Term::text).collect())
 }
 
 /// A wave of the pressure through a lag of 2 s.
