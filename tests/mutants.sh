@@ -59,7 +59,7 @@ for room in control batch metrics limits valve; do
     case $room in
     control|batch|limits) package "$room" "$room" ;;
     metrics) package metrics units metrics ;;
-    valve) package valve units shipped document output valve ;;
+    valve) package valve units shipped document output digest valve ;;
     esac
     status=0
     # shellcheck disable=SC2086

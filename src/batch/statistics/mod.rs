@@ -45,12 +45,8 @@ pub struct Finding<T> {
     /// The figure; `None` where the data cannot carry it.
     pub value: Option<T>,
     /// Why there is no figure.
-    #[serde(default = "none", skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub absent: Option<String>,
-}
-
-fn none() -> Option<String> {
-    None
 }
 
 impl<T> Finding<T> {
@@ -118,5 +114,29 @@ pub fn metric(name: &str, unit: &str, tolerance: Tolerance, values: &[f64]) -> M
         normality,
         outliers: outliers(&present, &positions),
         drift: drift(&present, &positions),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_valve_without_a_value_is_counted_and_left_out() {
+        let values: Vec<f64> = (0..40).map(|k| if k % 10 == 3 { f64::NAN } else { f64::from(k % 7) }).collect();
+        let found = metric("hold_24/rmse", "bar", Tolerance { min: None, max: Some(9.0) }, &values);
+        assert_eq!((found.missing, found.sample.value.unwrap().count), (4, 36));
+        // The places are those of the batch: a line over 0 to 39.
+        let present: Vec<usize> = (0..40).filter(|k| k % 10 != 3).collect();
+        let kept: Vec<f64> = present.iter().map(|&k| values[k]).collect();
+        assert_eq!(found.drift, drift(&kept, &present));
+    }
+
+    #[test]
+    fn a_figure_is_read_back_as_it_was_written() {
+        for finding in [Finding::of(1.5), Finding::absent("no limit")] {
+            let text = serde_json::to_string(&finding).unwrap();
+            assert_eq!(serde_json::from_str::<Finding<f64>>(&text).unwrap(), finding, "{text}");
+        }
     }
 }

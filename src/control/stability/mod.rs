@@ -10,6 +10,9 @@ pub mod routh;
 pub mod sampled;
 mod search;
 
+#[cfg(test)]
+mod laws;
+
 pub use margins::{Margins, StabilityError, margins};
 
 /// The plant that the loop is closed around: gain, lag and delay.

@@ -21,7 +21,6 @@ pub struct SampledLoop {
     /// Numerator and denominator of L in rising powers of z^-1.
     numerator: Vec<f64>,
     denominator: Vec<f64>,
-    integrates: bool,
 }
 
 impl SampledLoop {
@@ -33,7 +32,6 @@ impl SampledLoop {
             period_s: 1.0 / rate_hz,
             numerator: product(&controller, &held),
             denominator: product(&lag, &decay),
-            integrates: lag.len() > 1,
         }
     }
 
@@ -52,7 +50,6 @@ impl SampledLoop {
             period_s: 1.0 / rate_hz,
             numerator: product(&product(&controller, &believed_decay), &real),
             denominator: product(&inner, &decay),
-            integrates: lag.len() > 1,
         }
     }
 
@@ -71,7 +68,8 @@ impl SampledLoop {
         for k in 0..disturbance.len() {
             let driven: f64 = (0..self.denominator.len().min(k + 1)).map(|i| self.denominator[i] * disturbance[k - i]).sum();
             let kept: f64 = (1..length.min(k + 1)).map(|i| closed[i] * left[k - i]).sum();
-            left.push((driven - kept) / closed[0]);
+            // closed[0] is 1: nothing of a sample is seen before the next one.
+            left.push(driven - kept);
         }
         left
     }
@@ -89,7 +87,7 @@ impl SampledLoop {
         squares.sqrt()
     }
 
-    /// The margins at the sampling instants.
+    /// The margins at the sampling instants, of a loop without predictor.
     pub fn margins(&self) -> FrequencyMargins {
         let stable = self.stable();
         let open = self.numerator.iter().all(|c| *c == 0.0);
@@ -99,44 +97,22 @@ impl SampledLoop {
         let grid = self.grid();
         let gain: Vec<f64> = grid.iter().map(|w| self.magnitude(*w).ln()).collect();
         let phase = self.unwrapped_phase(&grid);
-        let mut gain_crossings = Vec::new();
-        let mut phase_crossings = Vec::new();
-        for i in 1..grid.len() {
-            if (gain[i - 1] > 0.0) != (gain[i] > 0.0) {
-                let w = bisect(|w| self.magnitude(w).ln(), grid[i - 1], grid[i]);
-                gain_crossings.push((w, PI + nearest(self.phase(w), phase[i])));
-            }
-            // Crossings of -180 deg and of every full turn below it.
-            let turn = |p: f64| ((p + PI) / (2.0 * PI)).floor();
-            if turn(phase[i - 1]) != turn(phase[i]) {
-                let target = 2.0 * PI * turn(phase[i - 1]).max(turn(phase[i])) - PI;
-                let w = bisect(|w| nearest(self.phase(w), phase[i]) - target, grid[i - 1], grid[i]);
-                phase_crossings.push((w, -20.0 * self.magnitude(w).log10()));
-            }
-        }
-        if phase.last().is_some_and(|p| ((p + PI) / (2.0 * PI)).fract().abs() < 1e-6) {
-            let nyquist = PI / self.period_s;
-            phase_crossings.push((nyquist, -20.0 * self.magnitude(nyquist).log10()));
-        }
-        let least = |from: &[(f64, f64)]| from.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
-        // A stable loop can have crossings beyond a full turn; only what is left until instability counts.
-        let gain_margin = if stable {
-            least(&phase_crossings.iter().copied().filter(|c| c.1 > 0.0).collect::<Vec<_>>())
-        } else {
-            least(&phase_crossings)
-        };
-        let phase_margin = if stable {
-            gain_crossings.iter().map(|(w, m)| (*w, m.rem_euclid(2.0 * PI))).min_by(|a, b| a.1.total_cmp(&b.1))
-        } else {
-            least(&gain_crossings)
-        };
-        let delay_margin = gain_crossings.iter().map(|(w, m)| m.rem_euclid(2.0 * PI) / w).min_by(f64::total_cmp);
+        // The gain of PI, lag and hold only falls with the frequency: it crosses one once.
+        let gain_crossing = (1..grid.len()).find(|&i| gain[i - 1] > 0.0 && gain[i] <= 0.0).map(|i| {
+            let w = bisect(|w| self.magnitude(w).ln(), grid[i - 1], grid[i]);
+            (w, PI + nearest(self.phase(w), phase[i]))
+        });
+        // The integral gives way once and lag and delay grow: the phase falls through -180 deg once.
+        let gain_margin = (1..grid.len()).find(|&i| phase[i - 1] > -PI && phase[i] <= -PI).map(|i| {
+            let w = bisect(|w| nearest(self.phase(w), phase[i]) + PI, grid[i - 1], grid[i]);
+            (w, -20.0 * self.magnitude(w).log10())
+        });
         FrequencyMargins {
             gain_margin_db: gain_margin.map(|c| c.1),
-            phase_margin_deg: phase_margin.map(|c| c.1.to_degrees()),
-            delay_margin_s: delay_margin.filter(|_| stable),
+            phase_margin_deg: gain_crossing.map(|(_, margin)| margin.to_degrees()),
+            delay_margin_s: gain_crossing.filter(|_| stable).map(|(w, margin)| margin / w),
             max_sensitivity: if stable { self.max_sensitivity() } else { None },
-            gain_crossover_rad_s: phase_margin.map(|c| c.0),
+            gain_crossover_rad_s: gain_crossing.map(|(w, _)| w),
             phase_crossover_rad_s: gain_margin.map(|c| c.0),
             stable,
         }
@@ -161,8 +137,8 @@ impl SampledLoop {
     }
 
     fn unwrapped_phase(&self, grid: &[f64]) -> Vec<f64> {
-        let start = if self.integrates { -0.5 * PI } else { 0.0 };
-        let mut last = start;
+        // At the lowest frequency it is between -90 deg, with an integral, and 0.
+        let mut last = 0.0;
         grid.iter()
             .map(|w| {
                 last = nearest(self.phase(*w), last);
@@ -200,9 +176,11 @@ fn pi(gains: Gains, rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
 fn held(plant: &LoopPlant, rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
     let period = 1.0 / rate_hz;
     let delay = plant.delay_s + period;
-    // A delay that is a whole number of periods up to rounding counts as whole.
-    let periods = (delay / period - 1e-9).ceil();
-    let part = (periods - delay / period).max(0.0);
+    // A delay that is a whole number of periods up to rounding counts as whole: without a lag, the least part of a period is a sample.
+    let exact = delay / period;
+    let whole = if (exact - exact.round()).abs() < 1e-9 { exact.round() } else { exact };
+    let periods = whole.ceil();
+    let part = periods - whole;
     let decay = |time: f64| if plant.lag_s > 0.0 { (-time / plant.lag_s).exp() } else { f64::from(u8::from(time == 0.0)) };
     let (at_part, at_period) = (decay(part * period), decay(period));
     let k = plant.gain_bar_per_ma;

@@ -40,3 +40,21 @@ pub fn logarithmic(low: f64, high: f64, count: usize) -> Vec<f64> {
     let ratio = (high / low).ln() / (count - 1) as f64;
     (0..count).map(|i| low * (ratio * i as f64).exp()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_root_and_a_peak_are_found_to_the_last_bits() {
+        // Falling and rising, and a root at the end of the bracket.
+        assert!((bisect(|x| 2.0 - x * x, 0.0, 2.0) - 2f64.sqrt()).abs() < 1e-15);
+        assert!((bisect(|x| x * x - 2.0, 0.0, 2.0) - 2f64.sqrt()).abs() < 1e-15);
+        assert_eq!(bisect(|x| x - 1.0, 0.0, 1.0), 1.0);
+        // Between the points of the grid, and at its ends.
+        let grid = logarithmic(1.0, 100.0, 3);
+        assert!(grid.iter().zip([1.0, 10.0, 100.0]).all(|(x, wanted)| (x / wanted - 1.0).abs() < 1e-14), "{grid:?}");
+        assert!((maximum(|x| 5.0 - (x - 17.0).powi(2), &grid).unwrap() - 5.0).abs() < 1e-12);
+        assert_eq!((maximum(|x| x, &grid), maximum(|x| -x, &grid)), (Some(grid[2]), Some(-1.0)));
+    }
+}
