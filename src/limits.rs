@@ -188,6 +188,7 @@ mod tests {
         });
         let exclusive = Limit { bound: Bound::Exclusive, ..LIMIT };
         assert_eq!((exclusive.judge(Some(1.0)), exclusive.judge(Some(0.0))), (Verdict::Fail, Verdict::Fail));
+        assert_eq!((exclusive.judge(Some(0.5)), exclusive.judge(Some(0.99))), (Verdict::Pass, Verdict::Marginal));
     }
 
     #[test]
@@ -213,6 +214,10 @@ mod tests {
             [Fail, Pass, Pass, Marginal, Fail]
         });
         assert!(guarded.check().is_ok(), "a swallowed warning bound does not cross");
+        // No uncertainty draws nothing in, one of half the width leaves the middle, and a negative one is none.
+        assert_eq!(LIMIT.drawn_in(0.0), Ok(LIMIT));
+        assert_eq!(LIMIT.drawn_in(0.5).unwrap().judge(Some(0.5)), Verdict::Pass);
+        assert!(LIMIT.drawn_in(-0.1).is_err());
         insta::assert_snapshot!(LIMIT.drawn_in(0.6).unwrap_err(), @"an uncertainty of 0.6 leaves nothing between `min` and `max`");
     }
 
@@ -221,6 +226,9 @@ mod tests {
         // U = 0.2 with k = 2: u = 0.1.
         let guards = [DecisionRule::Simple, DecisionRule::GuardBand, DecisionRule::ConformanceProbability].map(|r| r.guard(0.2));
         assert_eq!(guards, [0.0, 0.2, 0.165]);
+        let named = [(DecisionRule::Simple, "not taken into account"), (DecisionRule::GuardBand, "expanded uncertainty")];
+        assert!(named.iter().all(|(rule, words)| rule.text().contains(words)));
+        assert!(DecisionRule::ConformanceProbability.text().contains("1.65 standard uncertainties"));
     }
 
     #[test]

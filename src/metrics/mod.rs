@@ -18,6 +18,9 @@ mod steady;
 mod step;
 mod tracking;
 
+#[cfg(test)]
+mod names;
+
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};

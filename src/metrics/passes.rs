@@ -199,3 +199,78 @@ fn interpolate(points: &[Point], at: f64) -> f64 {
     let (a, b) = (points[after - 1], points[after]);
     if a.0 == b.0 { b.1 } else { a.1 + (at - a.0) / (b.0 - a.0) * (b.1 - a.1) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::Columns;
+    use super::*;
+
+    /// Few samples, far apart: on the straight lines between them, and on the outer ones beyond.
+    #[test]
+    fn where_samples_are_few_the_pressure_lies_between_them() {
+        let points = [(0.0, 1.0, 0.0), (1.0, 3.0, 1.0), (1.0, 5.0, 2.0), (3.0, 6.0, 3.0)];
+        for (at, wanted) in [(0.5, 2.0), (2.0, 5.5), (-1.0, -1.0), (5.0, 7.0), (1.0, 3.0)] {
+            assert!((interpolate(&points, at) - wanted).abs() < 1e-12, "{at}: {}", interpolate(&points, at));
+        }
+        assert_eq!(interpolate(&points[1..], 1.0), 5.0, "of two samples at one current the later");
+        let (values, variance) = smoothed(&points, true, &[0.5, 2.0], 0.1);
+        assert_eq!((values, variance), (vec![2.0, 5.5], 0.0));
+    }
+
+    /// A parabola gives itself back; about a constant, the spread of n samples in even steps is 9/4 of s^2 / n in the middle.
+    #[test]
+    fn the_smoothed_value_and_its_variance() {
+        let window = |of: fn(f64) -> f64, n: i32| (-n..=n).map(|k| (0.01 * f64::from(k), of(f64::from(k)), 0.0)).collect::<Vec<Point>>();
+        let (value, variance) = parabola(&window(|k| 7.0 + 0.2 * k - 0.01 * k * k, 40), 0.1, 0.4).unwrap();
+        assert!((value - 8.0).abs() < 1e-9 && variance < 1e-18, "{value} {variance}");
+        let (value, variance) = parabola(&window(|k| if k.rem_euclid(2.0) == 0.0 { 1.0 } else { -1.0 }, 500), 0.0, 5.0).unwrap();
+        assert!(value.abs() < 0.01 && (variance / (2.25 / 1001.0) - 1.0).abs() < 0.01, "{value} {variance}");
+        // Six samples are enough for three coefficients, five are not.
+        assert!(parabola(&window(|_| 1.0, 3)[..6], 0.0, 0.1).is_some() && parabola(&window(|_| 1.0, 2), 0.0, 0.1).is_none());
+    }
+
+    /// Up in 1 s, down in 2 s at 100 Hz, answered to at once: rates, places, and the current one dead time earlier.
+    #[test]
+    fn a_pass_knows_its_rate_and_its_place() {
+        let current = |t: f64| if t < 1.0 { 0.2 + 0.5 * t } else { 0.7 - 0.25 * (t - 1.0) };
+        let columns = Columns::new(301, |_| f64::NAN, current, |t| 10.0 * current(t));
+        let found = passes(&columns.segment(0.0)).unwrap();
+        let (up, down) = (&found.rising[0], &found.falling[0]);
+        assert!((found.rate_a_per_s - 0.5).abs() < 1e-9 && (up.rate_a_per_s - 0.5).abs() < 1e-9 && (down.rate_a_per_s - 0.25).abs() < 1e-9);
+        assert_eq!((up.place, down.place, found.rising.len(), found.falling.len()), (0, 1, 1, 1));
+        // 2 % of the swept range is left out at either end.
+        assert!((found.current_a[0] - 0.21).abs() < 1e-12 && (found.current_a[100] - 0.69).abs() < 1e-12);
+        assert!((found.current_a[50] - 0.45).abs() < 1e-12);
+        assert!(found.current_a.iter().zip(&up.pressure_bar).all(|(i, p)| (p - 10.0 * i).abs() < 1e-9));
+    }
+
+    /// 35 ms: three and a half samples earlier; the first value before the start.
+    #[test]
+    fn a_delayed_column_is_interpolated() {
+        let (time, column): (Vec<f64>, Vec<f64>) = (0..20).map(|k| (5.0 + 0.01 * f64::from(k), f64::from(k * k))).unzip();
+        for (k, delay, wanted) in [(10, 0.035, 42.5), (10, 0.0, 100.0), (10, 0.03, 49.0), (3, 0.05, 0.0), (0, 0.02, 0.0), (3, 0.03, 0.0)] {
+            assert!((delayed(&time, &column, k, delay) - wanted).abs() < 1e-6, "{k} {delay}: {}", delayed(&time, &column, k, delay));
+        }
+        // Behind a lag the command is late by half a period more: dead time 20 ms, lag 10 ms, 5 ms.
+        let columns = Columns::new(50, |_| f64::NAN, |t| t, |_| 1.0);
+        let mut segment = columns.segment(0.02);
+        segment.range = 10..50;
+        assert!((paired(&segment).unwrap()[5].0 - 0.13).abs() < 1e-9);
+        segment.lag_s = 0.01;
+        assert!((paired(&segment).unwrap()[5].0 - 0.115).abs() < 1e-9);
+        // A command or a pressure that is not there is no pair.
+        let mut columns = Columns::new(50, |_| f64::NAN, |t| t, |_| 1.0);
+        columns.current[7] = f64::NAN;
+        columns.pressure[9] = f64::NAN;
+        assert_eq!(paired(&columns.segment(0.0)).unwrap().len(), 48);
+    }
+
+    #[test]
+    fn a_hold_belongs_to_the_stretch_before_it() {
+        let points: Vec<Point> = [0.0, 1.0, 1.0, 2.0, 1.0, 1.0, 0.0].into_iter().map(|i| (i, 0.0, 0.0)).collect();
+        let found: Vec<(bool, usize)> = stretches(&points).iter().map(|(rising, s)| (*rising, s.len())).collect();
+        assert_eq!(found, [(true, 4), (false, 4)]);
+        assert_eq!(stretches(&points[..2]).len(), 1);
+        assert!(stretches(&points[..1]).is_empty());
+    }
+}

@@ -76,5 +76,12 @@ mod tests {
         let segment = columns.segment(0.0);
         assert!((FeedForwardShare {}.compute(&segment).unwrap() - 0.9).abs() < 1e-12);
         assert!((FeedbackShare {}.compute(&segment).unwrap() - 0.1).abs() < 1e-12);
+        // All of it from one side; nothing at all has no shares.
+        columns.feedback = vec![0.0; 100];
+        assert_eq!(FeedForwardShare {}.compute(&columns.segment(0.0)), Ok(1.0));
+        columns.feed_forward = vec![0.0; 100];
+        assert_eq!(FeedForwardShare {}.compute(&columns.segment(0.0)), Err(NotMeasurable::NoTarget));
+        columns.feedback = vec![-0.1; 100];
+        assert_eq!(FeedbackShare {}.compute(&columns.segment(0.0)), Ok(1.0));
     }
 }

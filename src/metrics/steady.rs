@@ -74,6 +74,13 @@ mod tests {
     fn only_the_end_counts() {
         let columns = Columns::new(300, |_| 20.0, |_| 0.0, |t| if t < 2.0 { 5.0 } else { 19.8 });
         assert!((SteadyOffset::default().compute(&columns.segment(0.02)).unwrap() + 0.2).abs() < 1e-12);
+        // The whole phase is 2.99 s long; a window of that length is the longest, and begins behind its first sample.
+        let whole = SteadyOffset { window: Time::new(columns.time_s[299]) };
+        assert!((whole.compute(&columns.segment(0.02)).unwrap() - (199.0 * -15.0 + 100.0 * -0.2) / 299.0).abs() < 1e-9);
+        let mut late = columns.segment(0.02);
+        late.repetitions = vec![100..300];
+        let of = |window| SteadyOffset { window: Time::new(window) }.compute(&late);
+        assert_eq!((of(1.9).is_ok(), of(2.5)), (true, Err(NotMeasurable::TooShort { window_s: 2.5 })));
         let long = SteadyOffset { window: Time::new(5.0) };
         assert_eq!(long.compute(&columns.segment(0.02)), Err(NotMeasurable::TooShort { window_s: 5.0 }));
     }

@@ -132,6 +132,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_band_has_a_lower_and_an_upper_end() {
+        let check = |from, to| RmseBand { from: Pressure::new(from), to: Pressure::new(to), delay: None }.check();
+        assert!(check(20.0, 26.0).is_ok() && check(26.0, 20.0).is_err() && check(20.0, 20.0).is_err());
+    }
+
+    #[test]
     fn a_perfect_but_late_pressure_has_no_error() {
         let columns = Columns::new(400, |t| 10.0 + (3.0 * t).sin(), |_| 0.0, |t| 10.0 + (3.0 * (t - 0.02)).sin());
         let mut segment = columns.segment(0.02);

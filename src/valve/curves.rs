@@ -180,6 +180,41 @@ pub(super) mod tests {
         assert!(error.to_string().contains("nowhere between 0 A and 1 A"), "{error}");
     }
 
+    #[test]
+    fn the_extension_has_the_mean_of_both_slopes() {
+        // Slopes 20 i and 20 i + 5: 4 and 9 at 0.2 A, 16 and 21 at 0.8 A.
+        let c = ReferenceCurves::on_range(Polynomial::new([10.0, 0.0, 0.0]), Polynomial::new([10.0, 5.0, 1.0]), (0.2, 0.8));
+        let (below, above) = c.end_slopes_bar_per_a();
+        assert!((below - 6.5).abs() < 1e-12 && (above - 18.5).abs() < 1e-12);
+        assert!((c.ascending_at(0.1) - (0.4 - 0.65)).abs() < 1e-12 && (c.descending_at(0.9) - (11.4 + 1.85)).abs() < 1e-12);
+        // What both reach: from where the descending one begins to where the ascending one ends.
+        let (low, high) = c.pressure_range_bar();
+        assert!((low - 2.4).abs() < 1e-12 && (high - 6.4).abs() < 1e-12);
+    }
+
+    /// 20 i, and above it by 4 (i - 0.1) (i - 0.3) (i - 0.6): above from 0.1 to 0.3 A and from 0.6 A on.
+    #[test]
+    fn the_widest_of_several_ranges_is_taken_to_its_last_digit() {
+        let range = |limits| {
+            let descending = Polynomial::new([4.0, -4.0, 21.08, -0.072]);
+            ReferenceCurves::new(Polynomial::new([20.0, 0.0]), descending, limits).unwrap().range_a
+        };
+        let near = |found: (f64, f64), low: f64, high: f64| {
+            assert!((found.0 - low).abs() < 1e-9 && (found.1 - high).abs() < 1e-9, "{found:?} is not {low} to {high}");
+        };
+        near(range((0.0, 0.95)), 0.6, 0.95);
+        near(range((0.0, 0.7)), 0.1, 0.3);
+        near(range((0.15, 0.5)), 0.15, 0.3);
+        near(range((0.05, 0.25)), 0.1, 0.25);
+    }
+
+    #[test]
+    fn a_flat_curve_has_no_inverse_and_is_refused() {
+        let of = |a: [f64; 2], d: [f64; 2]| ReferenceCurves::new(Polynomial::new(a), Polynomial::new(d), (0.0, 1.0));
+        assert!(of([0.0, 1.0], [5.0, 2.0]).is_err() && of([5.0, 1.0], [0.0, 9.0]).is_err());
+        assert_eq!(of([5.0, 1.0], [5.0, 1.0]).unwrap().range_a, (0.0, 1.0), "curves without hysteresis are curves");
+    }
+
     proptest! {
         #[test]
         fn the_inverse_of_each_curve_is_exact(current in -0.2f64..1.3) {

@@ -189,6 +189,17 @@ mod tests {
         assert!((index + half - 0.496).abs() < 5e-4, "{}", index + half);
     }
 
+    /// By hand: 1.96 sqrt(1 / (9 n Cpk^2) + 1 / (2 (n - 1))) = 1.96 * 0.17163 of Cpk 1.33 with n = 20; one limit has no Cp.
+    #[test]
+    fn interval_of_cpk_with_one_limit() {
+        for (min, max) in [(None, Some(3.99)), (Some(-3.99), None)] {
+            let (cp, cpk) = indices(Tolerance { min, max }, 0.0, 1.0, 20.0, 19.0);
+            let Index { value, interval, .. } = cpk.value.unwrap();
+            assert!((value - 1.33).abs() < 1e-12 && cp.value.is_none());
+            assert!((interval.low - 0.882_60).abs() < 5e-5 && (interval.high - 1.777_40).abs() < 5e-5, "{interval:?}");
+        }
+    }
+
     /// The limits n = 100, Cp = 1: sqrt(chi2(0.025, 99) / 99) = 0.861 and sqrt(chi2(0.975, 99) / 99) = 1.139, from the
     /// handbook's chi-squared table 1.3.6.7.4 (73.361 and 128.422).
     #[test]

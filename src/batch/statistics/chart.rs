@@ -98,7 +98,7 @@ fn chance_limit(n: usize) -> usize {
     let mut term = (n as f64 * (1.0 - RATE).ln()).exp();
     let mut sum = term;
     let mut k = 0;
-    while sum < 0.99 && k < n {
+    while sum < 0.99 {
         term *= (n - k) as f64 / (k + 1) as f64 * RATE / (1.0 - RATE);
         sum += term;
         k += 1;
@@ -143,6 +143,7 @@ mod tests {
         assert!((c.mean_moving_range - 1.8778).abs() < 5e-5);
         assert!((c.upper - 55.8041).abs() < 5e-5, "{}", c.upper);
         assert!((c.lower - 45.8159).abs() < 5e-5, "{}", c.lower);
+        assert!((c.range_upper - 3.267 * 1.8778).abs() < 5e-4, "{}", c.range_upper);
         assert!(c.stable && c.signals.is_empty(), "{:?}", c.signals);
     }
 
@@ -191,6 +192,24 @@ mod tests {
         assert!((30..60).contains(&chance_limit(10_000)), "{}", chance_limit(10_000));
         assert_eq!(chance_limit(1), 0);
         assert_eq!(chance_limit(10), 1);
+        // 99 % quantiles of the binomial distribution, summed term by term with whole binomial coefficients.
+        assert_eq!([55, 56, 100, 400, 1000, 3000].map(chance_limit), [1, 2, 2, 4, 7, 15]);
+    }
+
+    /// One difference spreads by pi/2 - 1 of its mean squared, two that share a value by hand: (2 * 0.570796 + 2 * 0.127825) / 4.
+    #[test]
+    fn freedom_of_few_moving_ranges() {
+        for (n, freedom) in [(2, 0.875_969_197), (3, 1.431_391_027), (10, 5.638_812_266)] {
+            assert!((moving_range_freedom(n) - freedom).abs() < 1e-8, "{n}: {}", moving_range_freedom(n));
+        }
+    }
+
+    /// Where the zero of a metric lies says nothing of the process.
+    #[test]
+    fn signals_do_not_depend_on_the_zero_of_the_metric() {
+        let values: Vec<f64> = (0..60).map(|k| f64::from(k * 37 % 11) + if k > 30 { 12.0 } else { 0.0 }).collect();
+        let (here, there) = (chart(&values), chart(&values.iter().map(|v| v + 1024.0).collect::<Vec<_>>()));
+        assert!(!here.signals.is_empty() && here.signals == there.signals && here.stable == there.stable, "{here:?} {there:?}");
     }
 
     #[test]

@@ -94,4 +94,17 @@ mod tests {
         assert!(d.significant && (d.change - 11.0).abs() < 1.0, "{d:?}");
         assert!(drift(&scatter[..9], &positions[..9]).value.is_none());
     }
+
+    /// Ten values at every second place from 3 on, on 0.05 a place with 0.3 up and down in turn. By hand: the slope is 0.05 - 1/110, its
+    /// standard deviation 1/55, so t = 2.25 with eight degrees of freedom; the table's t for 97.5 % is 2.306.
+    #[test]
+    fn change_interval_and_probability_of_ten_values() {
+        let positions: Vec<usize> = (0..10).map(|k| 3 + 2 * k).collect();
+        let values: Vec<f64> = (0..10).map(|k| 0.05 * positions[k] as f64 + if k % 2 == 0 { 0.3 } else { -0.3 }).collect();
+        let d = drift(&values, &positions).value.unwrap();
+        assert!((d.change - 18.0 * (0.05 - 1.0 / 110.0)).abs() < 1e-12, "{d:?}");
+        let half = 18.0 * 2.306 / 55.0;
+        assert!((d.change_interval.low - (d.change - half)).abs() < 1e-3 && (d.change_interval.high - (d.change + half)).abs() < 1e-3);
+        assert!((d.p_value - 0.054_567).abs() < 1e-6 && !d.significant, "{d:?}");
+    }
 }

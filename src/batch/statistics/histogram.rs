@@ -26,7 +26,7 @@ pub fn histogram(values: &[f64]) -> Finding<Histogram> {
         return Finding::absent("all values are equal");
     }
     let n = sorted.len();
-    let quartiles = sorted[(3 * n / 4).min(n - 1)] - sorted[n / 4];
+    let quartiles = sorted[3 * n / 4] - sorted[n / 4];
     let wanted = if quartiles > 0.0 { (high - low) / (2.0 * quartiles / (n as f64).cbrt()) } else { (n as f64).sqrt() };
     let classes = (wanted.ceil() as usize).clamp(5, 60);
     let width = (high - low) / classes as f64;
@@ -50,6 +50,22 @@ mod tests {
                 prop_assert!(h.counts[0] > 0 && h.counts[h.counts.len() - 1] > 0);
             }
         }
+    }
+
+    /// Squares of 0 to 999: the quartiles are 500^2 apart from 250^2, so 2 * 500 000 / 10 wide, and 998 001 takes ten classes.
+    #[test]
+    fn classes_by_freedman_and_diaconis() {
+        let values: Vec<f64> = (0..1000).rev().map(|k| f64::from(k * k)).collect();
+        let h = histogram(&values).value.unwrap();
+        assert_eq!((h.start, h.width, h.counts.len()), (0.0, 99_800.1, 10));
+        // The class of k^2 ends at sqrt(99800.1 j): 315.9, 446.8, 547.2, 631.8, 706.4, 773.8, 835.8, 893.5, 947.7.
+        assert_eq!(h.counts, [316, 131, 101, 84, 75, 67, 62, 58, 54, 52]);
+        // From another zero and half as fine, the same classes.
+        let moved = histogram(&values.iter().map(|v| 0.5 * v - 4096.0).collect::<Vec<_>>()).value.unwrap();
+        assert_eq!((moved.start, moved.counts), (-4096.0, h.counts));
+        // Most values alike: the quartiles say nothing, and the square root of their number stands in.
+        let alike: Vec<f64> = (0..64).map(|k| if k == 63 { 3.0 } else { 2.0 }).collect();
+        assert_eq!(histogram(&alike).value.unwrap().counts, [63, 0, 0, 0, 0, 0, 0, 1]);
     }
 
     #[test]

@@ -80,6 +80,30 @@ mod tests {
         assert!((p_value(1.035) - 0.01).abs() < 0.0005, "{}", p_value(1.035));
     }
 
+    /// Table 4.7, case 3, upper tail, to the accuracy of the approximation; below it the probability rises to one without a step.
+    #[test]
+    fn p_values_follow_the_table_and_have_no_steps() {
+        for (statistic, p) in [(0.341, 0.5), (0.470, 0.25), (0.561, 0.15), (0.631, 0.10), (0.873, 0.025), (1.159, 0.005)] {
+            assert!((p_value(statistic) / p - 1.0).abs() < 0.03, "{statistic}: {}", p_value(statistic));
+        }
+        // By hand, one for each piece that the table does not tell apart: 1 - e^-5.5593, 1 - e^-1.3651, e^-1.0147.
+        for (statistic, p) in [(0.1, 0.99615), (0.25, 0.74465), (0.4, 0.36251)] {
+            assert!((p_value(statistic) - p).abs() < 1e-4, "{statistic}: {}", p_value(statistic));
+        }
+        for border in [0.2, 0.34, 0.6] {
+            assert!((p_value(border - 1e-9) - p_value(border + 1e-9)).abs() < 0.004, "{border}");
+        }
+        assert!((1..2000).all(|k| p_value(0.005 * f64::from(k)) >= p_value(0.005 * f64::from(k + 1))));
+        assert_eq!(p_value(10.0), 3.7e-24);
+    }
+
+    #[test]
+    fn five_distinct_values_are_enough() {
+        let four = [1.0, 2.0, 3.0, 4.0, 1.0, 2.0, 3.0, 4.0];
+        assert!(normality(&four).absent.unwrap().starts_with("4 distinct"));
+        assert!(normality(&[1.0, 2.0, 3.0, 4.0, 5.0, 2.0, 3.0, 4.0]).value.is_some());
+    }
+
     #[test]
     fn coarse_or_few_values_carry_no_test() {
         assert!(normality(&[1.0; 7]).absent.unwrap().contains("needs 8"));

@@ -57,9 +57,6 @@ fn deviates(values: &[f64], most: usize) -> Vec<Step> {
         let n = rest.len() as f64;
         let mean = rest.iter().map(|&k| values[k]).sum::<f64>() / n;
         let deviation = (rest.iter().map(|&k| (values[k] - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-        if deviation == 0.0 || rest.len() < 3 {
-            break;
-        }
         // Of sorted values, the farthest from the mean is one of the two ends.
         let (bottom, top) = (mean - values[rest[0]], values[rest[rest.len() - 1]] - mean);
         let index = if top >= bottom { rest[rest.len() - 1] } else { rest[0] };
@@ -106,5 +103,20 @@ mod tests {
     fn few_or_equal_values_name_nobody() {
         assert!(outliers(&[1.0; 14], &[]).value.is_none());
         assert!(outliers(&[1.0; 20], &[]).value.unwrap().is_empty());
+        // One apart from others that are all alike: no spread is left without it.
+        let mut values = [0.1; 30];
+        values[7] = 5.0;
+        assert_eq!(outliers(&values, &[]).value.unwrap().iter().map(|o| o.position).collect::<Vec<_>>(), [7]);
+    }
+
+    #[test]
+    fn fifteen_values_are_enough_and_a_tenth_of_them_can_be_named() {
+        let apart = |n: usize, wild: usize| -> Vec<usize> {
+            let values: Vec<f64> = (0..n).map(|k| if k < wild { 1e4 * (k + 1) as f64 } else { (k as f64).sin() }).collect();
+            outliers(&values, &[]).value.unwrap().iter().map(|o| o.position).collect()
+        };
+        assert_eq!(apart(15, 1), [0]);
+        assert_eq!(apart(29, 2), [1, 0]);
+        assert!(apart(29, 3).len() <= 2 && apart(60, 1) == [0]);
     }
 }

@@ -84,7 +84,9 @@ mod tests {
 
     #[test]
     fn nothing_of_nothing_is_absent() {
-        assert!(proportion(0, 0).value.is_none());
+        assert!(proportion(0, 0).value.is_none() && proportion(4, 3).value.is_none());
+        let of = proportion(81, 263).value.unwrap();
+        assert!((of.share - 0.307_984_790_9).abs() < 1e-9 && of.wilson == wilson(81, 263) && of.exact == clopper_pearson(81, 263));
         assert_eq!(proportion(3, 3).value.unwrap().wilson.high, 1.0);
     }
 }

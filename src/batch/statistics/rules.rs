@@ -195,7 +195,93 @@ mod tests {
         let outside = [1.1, -1.1, 1.2, 1.3, -1.2, -1.1, 1.1, -1.3];
         assert_eq!(spoken(&outside), [Rule::BeyondOneSigma]);
         assert!(spoken(&outside[..7]).is_empty());
-        assert_eq!(Rule::MovingRange.speaks(&[0.0, 1.0, -1.5], 2.0), [2]);
+        assert_eq!(Rule::MovingRange.speaks(&[0.0, 1.0, -1.5], 1.5), [2]);
+        // What completes a pattern is part of it.
+        assert!(Rule::TwoOfThree.speaks(&[2.1, 2.1, 0.0], 2.0).is_empty() && Rule::TwoOfThree.speaks(&[-2.1, -2.1, 0.0], 2.0).is_empty());
+    }
+
+    /// Up and down are alike to every rule; a value on a limit is not beyond it, and of two equal ones none is higher.
+    #[test]
+    fn no_rule_has_a_side_and_equal_is_not_beyond() {
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(12);
+        let z: Vec<f64> = (0..2000).map(|_| rng.random_range(-2.5..2.5)).collect();
+        let mirrored: Vec<f64> = z.iter().map(|z| -z).collect();
+        for (rule, number) in RULES.into_iter().zip([2.0, 5.0, 4.0, 5.0, 1.5, 1.0, 4.0, 4.0, 3.0]) {
+            let spoken = rule.speaks(&z, number);
+            assert!(!spoken.is_empty() && spoken == rule.speaks(&mirrored, number), "{rule:?}");
+        }
+        let silent: [(Rule, f64, &[f64]); 11] = [
+            (Rule::FarOut, 3.0, &[3.0]),
+            (Rule::OneSide, 3.0, &[0.1, 0.0, 0.1]),
+            (Rule::RisingOrFalling, 4.0, &[0.1, 0.1, 0.2, 0.3]),
+            (Rule::Alternating, 4.0, &[0.0, 1.0, 0.0, 0.0]),
+            (Rule::TwoOfThree, 2.0, &[2.0, 0.0, 2.1]),
+            (Rule::TwoOfThree, 2.0, &[2.1, 0.0, 2.0]),
+            (Rule::TwoOfThree, 2.0, &[2.0, 2.0, 2.1]),
+            (Rule::FourOfFive, 1.0, &[1.1, 1.1, 1.0, 0.0, 1.1]),
+            (Rule::WithinOneSigma, 3.0, &[0.1, 1.0, 0.1]),
+            (Rule::BeyondOneSigma, 3.0, &[1.1, 1.0, 1.1]),
+            (Rule::MovingRange, 2.0, &[-1.0, 1.0]),
+        ];
+        for (rule, number, z) in silent {
+            let mirrored: Vec<f64> = z.iter().map(|z| -z).collect();
+            assert!(rule.speaks(z, number).is_empty() && rule.speaks(&mirrored, number).is_empty(), "{rule:?} {z:?}");
+        }
+    }
+
+    /// The expected number of false alarms against drawn batches, at numbers that chance reaches often enough to count.
+    #[test]
+    fn each_rule_speaks_as_often_by_chance_as_is_said() {
+        use rand::SeedableRng;
+        use rand_distr::{Distribution, StandardNormal};
+        let (count, batches) = (200, 6000);
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(13);
+        let alarms = Alarms { count: count as f64, spreads: vec![1.0] };
+        let numbers = [3.2, 10.0, 7.0, 15.0, 2.3, 1.3, 15.0, 6.0, 4.6];
+        let mut spoke = [0usize; RULES.len()];
+        for _ in 0..batches {
+            let values: Vec<f64> = (0..count).map(|_| StandardNormal.sample(&mut rng)).collect();
+            let centre = values.iter().sum::<f64>() / count as f64;
+            let z: Vec<f64> = values.iter().map(|v| v - centre).collect();
+            for (k, rule) in RULES.into_iter().enumerate() {
+                spoke[k] += usize::from(!rule.speaks(&z, numbers[k]).is_empty());
+            }
+        }
+        for (k, rule) in RULES.into_iter().enumerate() {
+            let (seen, said) = (spoke[k] as f64 / f64::from(batches), alarms.probability(rule, numbers[k]));
+            // What is said may be more than what is seen, for patterns that overlap; it must not be less by more than chance.
+            assert!((0.65..1.12).contains(&(seen / said)), "{rule:?}: {seen} of the batches, {said} said");
+        }
+    }
+
+    /// A spread that was estimated 1.2 times too large moves a limit of 3 sigma out to 3.6 true ones.
+    #[test]
+    fn a_limit_moves_with_the_spread_that_it_is_counted_in() {
+        let of = |spread: f64| Alarms { count: 50.0, spreads: vec![spread] };
+        for rule in [Rule::FarOut, Rule::TwoOfThree, Rule::FourOfFive, Rule::MovingRange] {
+            let (wide, far) = (of(1.2).probability(rule, 3.0), of(1.0).probability(rule, 3.6));
+            assert!((wide / far - 1.0).abs() < 1e-9, "{rule:?}: {wide} {far}");
+        }
+        // Wider, more lies within one sigma and less beyond.
+        assert!(of(1.2).probability(Rule::WithinOneSigma, 15.0) > of(1.0).probability(Rule::WithinOneSigma, 15.0));
+        assert!(of(1.2).probability(Rule::BeyondOneSigma, 6.0) < of(1.0).probability(Rule::BeyondOneSigma, 6.0));
+    }
+
+    #[test]
+    fn a_signal_says_its_pattern_and_its_number() {
+        let texts: Vec<String> = RULES.into_iter().map(|rule| rule.text(if rule == Rule::FarOut { 4.567 } else { 12.0 })).collect();
+        insta::assert_snapshot!(texts.join("\n"), @r"
+        1: a point beyond 4.57 sigma
+        2: 12 points in a row on one side of the centre
+        3: 12 points in a row rising or falling
+        4: 12 points in a row alternating
+        5: 2 of 3 points beyond 12.00 sigma on one side
+        6: 4 of 5 points beyond 12.00 sigma on one side
+        7: 12 points in a row within 1 sigma
+        8: 12 points in a row with none within 1 sigma
+        a moving range above 12.00 sigma
+        ");
     }
 
     /// With the spread known (many degrees of freedom), the numbers of one rule alone: 2 n Phi(-k) = 0.01/9.

@@ -68,6 +68,13 @@ mod tests {
         let s = sample(&[1.0, 2.0, 3.0, 4.0]).value.unwrap();
         assert_eq!((s.mean, s.median, s.min, s.max), (2.5, 2.5, 1.0, 4.0));
         assert!((s.deviation - (5.0f64 / 3.0).sqrt()).abs() < 1e-15);
-        assert!(sample(&[1.0]).absent.is_some());
+        // The table's t for 97.5 % and three degrees of freedom is 3.1824.
+        assert!((s.mean_interval.high - 2.5 - 3.182_4 * s.deviation / 2.0).abs() < 1e-4, "{s:?}");
+        assert!((s.mean_interval.high + s.mean_interval.low - 5.0).abs() < 1e-12, "{s:?}");
+        let s = sample(&[9.0, 1.0, 2.0, 3.0, 5.0]).value.unwrap();
+        assert_eq!((s.median, s.min, s.max, s.count), (3.0, 1.0, 9.0, 5));
+        let s = sample(&[5.0, 2.0, 30.0, 1.0, 4.0, 9.0]).value.unwrap();
+        assert_eq!((s.median, s.max), (4.5, 30.0));
+        assert!(sample(&[1.0]).absent.is_some() && sample(&[1.0, 2.0]).value.is_some());
     }
 }

@@ -141,7 +141,7 @@ fn of_the_values(sorted: &[f64], candidates: Vec<Candidate>, rng: &mut Pcg64) ->
     let at = |values: &[f64], p: f64| {
         let place = p * (values.len() - 1) as f64;
         let below = place.floor() as usize;
-        values[below] + (place - place.floor()) * (values[(below + 1).min(values.len() - 1)] - values[below])
+        values[below] + (place - place.floor()) * (values[below + 1] - values[below])
     };
     let of = |values: &[f64]| Quantiles { low: at(values, SHARES[0]), middle: at(values, SHARES[1]), high: at(values, SHARES[2]) };
     let quantiles = of(sorted);
@@ -202,5 +202,96 @@ impl Weighed {
         let tail = 0.5 * (1.0 - CONFIDENCE);
         let end = |share: f64| at(share).or(figures.last()).map_or(f64::NAN, |f| f.0);
         Interval { low: end(tail), high: end(1.0 - tail) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::distribution::normal_quantile;
+    use super::*;
+
+    fn normal_values(count: u32) -> Vec<f64> {
+        (0..count).map(|k| 10.0 + normal_quantile((f64::from(k) + 0.5) / f64::from(count))).collect()
+    }
+
+    /// 2 k - 2 ln L + 2 k (k + 1) / (n - k - 1), with two parameters and with three.
+    #[test]
+    fn akaikes_criterion_corrected_for_few_values() {
+        assert!((criterion(Family::Normal, -10.0, 10) - (4.0 + 20.0 + 12.0 / 7.0)).abs() < 1e-12);
+        assert!((criterion(Family::ShiftedLogNormal, -10.0, 10) - (6.0 + 20.0 + 24.0 / 6.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn weights_add_up_and_each_family_has_its_own_in_the_bootstrap() {
+        let weighed = weigh(&normal_values(100)).value.unwrap();
+        let of = |kept: fn(&Candidate) -> bool| weighed.shape.candidates.iter().filter(|c| kept(c)).map(|c| c.weight).sum::<f64>();
+        assert!((of(|_| true) - 1.0).abs() < 1e-12);
+        assert!((SAMPLES..2 * SAMPLES).contains(&weighed.replicates.len()), "{}", weighed.replicates.len());
+        let drawn: f64 = weighed.replicates.iter().map(|r| r.1).sum();
+        assert!((drawn - of(|c| c.weight >= NEGLIGIBLE && c.p_value.is_none_or(|p| p >= REFUSED))).abs() < 1e-9, "{drawn}");
+        // Only what can be chosen is tested, and it is tested with 99 samples at least.
+        for c in &weighed.shape.candidates {
+            assert_eq!(c.p_value.is_some(), c.weight >= LIGHT, "{c:?}");
+            assert!(c.p_value.is_none_or(|p| (0.0025..=1.0).contains(&p)), "{c:?}");
+        }
+    }
+
+    fn weighed(spread: f64, truth: f64, replicates: impl Iterator<Item = (f64, f64)>) -> Weighed {
+        let at = |middle: f64| Quantiles { low: 0.0, middle, high: 0.0 };
+        let shape = Shape { family: "normal".into(), quantiles: (0.0, truth, 0.0), candidates: Vec::new() };
+        Weighed { shape, quantiles: at(truth), replicates: replicates.map(|(m, weight)| (at(m), weight, at(truth))).collect(), spread }
+    }
+
+    /// The basic bootstrap turns what was drawn round the truth: what lies above it by a part in a thousand, lies below by as much.
+    #[test]
+    fn an_interval_is_turned_round_the_truth_and_knows_weights() {
+        let of = |spread, truth: f64, replicates: Vec<(f64, f64)>| {
+            let found = weighed(spread, truth, replicates.into_iter()).interval(|q| q.middle);
+            (found.low, found.high)
+        };
+        let near = |found: (f64, f64), low: f64, high: f64| {
+            assert!((found.0 / low - 1.0).abs() < 1e-3 && (found.1 / high - 1.0).abs() < 1e-3, "{found:?}");
+        };
+        // Near zero in even steps; of half the spread, half as far.
+        let steps = |weight: fn(u32) -> f64| (1..=1010).map(|k| (1e-6 * f64::from(k), weight(k))).collect::<Vec<_>>();
+        near(of(1.0, 0.0, steps(|_| 1.0)), -985e-6, -26e-6);
+        near(of(0.5, 0.0, steps(|_| 1.0)), -492.5e-6, -13e-6);
+        // The upper half counts threefold: 50.5 of 2020 reach to the 17th of it from above, 1969.5 to the 51st of the lower half.
+        near(of(1.0, 0.0, steps(|k| if k > 505 { 3.0 } else { 1.0 })), -994e-6, -51e-6);
+        // Far from zero in even ratios.
+        let ratios: Vec<_> = (1..=1010).map(|k| (100.0 * (1e-3 * f64::from(k)).exp(), 1.0)).collect();
+        near(of(1.0, 100.0, ratios), 100.0 * (-0.985f64).exp(), 100.0 * (-0.026f64).exp());
+    }
+
+    /// Of the N samples and the one that was measured, the share that lies at least as far.
+    #[test]
+    fn the_probability_of_a_bootstrap_is_neither_zero_nor_above_one() {
+        let tested = |values: Vec<f64>| {
+            let fitted = Fitted::Normal { mean: 10.0, deviation: 1.0 };
+            let mut rated = Rated { family: Family::Normal, fitted, weight: 1.0, p_value: None, replicates: Vec::new() };
+            rated.bootstrap(&values, 50, &mut Pcg64::seed_from_u64(2));
+            (rated.p_value.unwrap(), rated.replicates.len())
+        };
+        assert_eq!(tested(normal_values(50)), (1.0, SAMPLES));
+        assert_eq!(tested(normal_values(50).iter().map(|v| v + 5.0).collect()), (1.0 / 401.0, SAMPLES));
+    }
+
+    /// The bootstrap of many values draws fewer: it spreads more, by the square root.
+    #[test]
+    fn a_smaller_bootstrap_sample_is_drawn_in() {
+        let spread = |count| weigh(&normal_values(count)).value.unwrap().spread;
+        assert_eq!((spread(500), spread(8000)), (1.0, 0.5));
+    }
+
+    /// 0, 3, 6, ..., 6000: each quantile lies on a line between two values. The median of so many is known to +-1.96 / (2 sqrt n) of the range.
+    #[test]
+    fn quantiles_of_the_values_themselves() {
+        let values: Vec<f64> = (0..=2000).map(|k| 3.0 * f64::from(k)).collect();
+        let found = of_the_values(&values, Vec::new(), &mut Pcg64::seed_from_u64(1));
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert!(close(found.quantiles.low, 8.1) && close(found.quantiles.middle, 3000.0) && close(found.quantiles.high, 5991.9));
+        let interval = found.interval(|q| q.middle);
+        let half = 6000.0 * 0.98 / 2001f64.sqrt();
+        assert!(((interval.high - interval.low) / (2.0 * half) - 1.0).abs() < 0.2, "{interval:?} {half}");
     }
 }

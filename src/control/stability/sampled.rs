@@ -28,11 +28,7 @@ impl SampledLoop {
     pub fn new(plant: &LoopPlant, gains: Gains, rate_hz: f64) -> Self {
         let (controller, lag) = pi(gains, rate_hz);
         let (held, decay) = held(plant, rate_hz);
-        Self {
-            period_s: 1.0 / rate_hz,
-            numerator: product(&controller, &held),
-            denominator: product(&lag, &decay),
-        }
+        Self { period_s: 1.0 / rate_hz, numerator: product(&controller, &held), denominator: product(&lag, &decay) }
     }
 
     /// The same with O. J. Smith's predictor ("Closer control of loops with dead time", Chem. Eng. Progress 53 (1957) 217): the
