@@ -61,12 +61,15 @@ for room in control batch metrics limits valve; do
     metrics) package metrics units metrics ;;
     valve) package valve units shipped document output digest valve ;;
     esac
+    # What takes many seconds draws hundreds of lots; what it would find must be seen by a known answer as well.
+    skipped=(); [ "$room" = batch ] && skipped=(--skip coverage --skip the_rules_together --skip intervals_cover)
     status=0
     # shellcheck disable=SC2086
-    (cd "$work/$room" && CARGO_TARGET_DIR=$work/target "$tool" mutants "${only[@]}" --in-place --no-shuffle --timeout 300 -o "$work/$room" ${MUTANTS:-} -- --lib) || status=$?
+    (cd "$work/$room" && CARGO_TARGET_DIR=$work/target PROPTEST_DISABLE_FAILURE_PERSISTENCE=1 "$tool" mutants "${only[@]}" --in-place --no-shuffle --minimum-test-timeout 20 --timeout-multiplier 5 -o "$work/$room" ${MUTANTS:-} -- \
+        --lib -- "${skipped[@]}") || status=$?
     [ "$status" -le 3 ] || exit "$status"
     while read -r line; do
-        if grep -qF "$line" docs/mutants.md; then echo "known: $line"; else echo "LIVES: $line"; lives=1; fi
+        if sed 's/\\|/|/g' docs/mutants.md | grep -F "\`$line\`" > /dev/null; then echo "known: $line"; else echo "LIVES: $line"; lives=1; fi
     done < <(sed 's/:[0-9]*:[0-9]*:/:/' "$work/$room/mutants.out/missed.txt" | sort -u)
 done
 [ "$lives" = 0 ] || exit 2

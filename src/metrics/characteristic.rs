@@ -104,4 +104,26 @@ mod tests {
         assert!((gain - 30.0).abs() < 0.02, "{gain}");
         assert!((start - 0.25).abs() < 2e-3, "{start}");
     }
+
+    /// Where the zero of the pressure lies changes neither; nor does it matter that the command never was 0.
+    #[test]
+    fn slope_and_start_do_not_depend_on_either_zero() {
+        let current = |t: f64| 0.1 + triangle(t);
+        for zero in [0.0, 5.0] {
+            let columns = Columns::new(12001, |_| f64::NAN, current, |t| zero + (30.0 * (current(t) - 0.35)).max(0.0));
+            let segment = columns.segment(0.0);
+            let (gain, start) = (PressureGain {}.compute(&segment).unwrap(), StartCurrent {}.compute(&segment).unwrap());
+            assert!((gain - 30.0).abs() < 1e-9 && (start - 0.35).abs() < 1e-3, "{gain} {start}");
+        }
+        // A line without a dead band begins where the command does.
+        let line = Columns::new(12001, |_| f64::NAN, current, |t| 30.0 * current(t));
+        assert!((StartCurrent {}.compute(&line.segment(0.0)).unwrap() - 0.12).abs() < 1e-9);
+        // All of the span between two samples: no slope.
+        let steep =
+            Columns::new(121, |_| f64::NAN, |t| triangle(40.0 * t / 1.2), |t| if triangle(40.0 * t / 1.2) > 0.5 { 9.0 } else { 2.0 });
+        let none = PressureGain {}.compute(&steep.segment(0.0));
+        assert!(matches!(none, Err(NotMeasurable::NoResponse { moved_bar }) if (moved_bar - 7.0).abs() < 1e-9), "{none:?}");
+        let still = Columns::new(12001, |_| f64::NAN, current, |_| 3.0);
+        assert_eq!(StartCurrent {}.compute(&still.segment(0.0)), Err(NotMeasurable::NoResponse { moved_bar: 0.0 }));
+    }
 }

@@ -59,9 +59,6 @@ pub fn frequency_response(segment: &Segment<'_>) -> Result<Vec<Response>, NotMea
     let usable = range.clone().filter(|k| s.pressure_bar[*k].is_finite()).count();
     enough(usable, range.len())?;
     let output = filled(&s.pressure_bar[range.clone()]);
-    if range.len() < 8 {
-        return Err(NotMeasurable::TooShort { window_s: WINDOW_S });
-    }
     let period_s = (s.time_s[range.end - 1] - s.time_s[range.start]) / (range.len() - 1) as f64;
     let length = (WINDOW_S / period_s).round() as usize;
     if length < 8 || range.len() < 2 * length {
@@ -230,6 +227,57 @@ mod tests {
         assert!(matches!(BandwidthGain {}.compute(&short.segment(0.0)), Err(NotMeasurable::TooShort { .. })));
         let still = Columns::new(3000, |_| f64::NAN, |_| 0.5, |_| 20.0);
         assert!(BandwidthGain {}.compute(&still.segment(0.0)).is_err());
+    }
+
+    /// Of 250 samples in 2.5 s each line is 0.4 Hz. The taper spreads a sine that lies on a line to its two neighbours and no further.
+    #[test]
+    fn a_sine_on_a_line_is_seen_there_and_beside_it() {
+        let sine = |hz: f64| move |t: f64| 0.5 + 0.1 * (2.0 * PI * hz * t).sin();
+        let seen = |hz: f64, samples: usize, scale: f64| {
+            let columns = Columns::new(samples, |_| f64::NAN, |t| scale * sine(hz)(t), |t| 30.0 * scale * sine(hz)(t));
+            frequency_response(&columns.segment(0.0))
+        };
+        for scale in [1.0, 1e3, 1e-3] {
+            let found = seen(2.0, 500, scale).unwrap();
+            let at: Vec<f64> = found.iter().map(|r| r.frequency_hz).collect();
+            assert!(at.len() == 3 && at.iter().zip([1.6, 2.0, 2.4]).all(|(f, w)| (f - w).abs() < 1e-9), "{at:?}");
+            assert!(found.iter().all(|r| r.gain_db.abs() < 1e-6 && r.phase_deg.abs() < 1e-6), "{found:?}");
+        }
+        // Two windows are needed; and of a sine on the first line only its upper neighbour is left, too few for a reference.
+        assert!(matches!(seen(2.0, 499, 1.0), Err(NotMeasurable::TooShort { .. })));
+        assert!(matches!(seen(0.4, 500, 1.0), Err(NotMeasurable::NotReached { .. })));
+        // Windows overlap by half: what comes in the second half of two is seen.
+        let burst = |t: f64| if t < 2.5 { 0.5 } else { sine(2.0)(t) };
+        let late = Columns::new(500, |_| f64::NAN, burst, burst);
+        assert!(frequency_response(&late.segment(0.0)).is_ok());
+    }
+
+    /// A delay alone: the phase falls by 360 deg in each 1/T_d without a jump, and is -90 deg at 1/(4 T_d). The phase begins at 5 s.
+    #[test]
+    fn a_pure_delay_has_a_straight_phase() {
+        let of = |delay: f64| Columns::new(6000, |_| f64::NAN, chirp, move |t| 40.0 * chirp(t - delay));
+        let columns = of(0.1);
+        let mut segment = columns.segment(0.0);
+        segment.range = 500..5900;
+        let found = frequency_response(&segment).unwrap();
+        assert!(found.len() > 40 && found.last().unwrap().phase_deg < -700.0);
+        for r in found.iter().filter(|r| (4.0..22.0).contains(&r.frequency_hz)) {
+            assert!((r.frequency_hz / 0.4 - (r.frequency_hz / 0.4).round()).abs() < 1e-9);
+            assert!((r.phase_deg + 360.0 * 0.1 * r.frequency_hz).abs() < 6.0 && r.gain_db.abs() < 2.0, "{r:?}");
+        }
+        let short = of(0.02);
+        let phase = BandwidthPhase {}.compute(&short.segment(0.0)).unwrap();
+        assert!((phase - 12.5).abs() < 0.03, "{phase}");
+        // Behind the level from the lowest frequency on: no crossing was seen.
+        let long = of(1.0);
+        assert!(matches!(BandwidthPhase {}.compute(&long.segment(0.0)), Err(NotMeasurable::NotReached { .. })));
+    }
+
+    #[test]
+    fn lost_samples_lie_on_a_line_between_their_neighbours() {
+        let lost = f64::NAN;
+        assert_eq!(filled(&[lost, lost, 2.0, lost, lost, 8.0, 9.0, lost, 5.0, lost]), [2.0, 2.0, 2.0, 4.0, 6.0, 8.0, 9.0, 7.0, 5.0, 5.0]);
+        assert!(filled(&[lost, lost]).iter().all(|v| v.is_nan()));
     }
 
     #[test]

@@ -131,6 +131,20 @@ mod tests {
         }
     }
 
+    /// The same from another zero of both: the parabola 5 + (i - 0.5)^2 over 0.5 to 1.5 A; fine, so that the smoothing leaves nothing.
+    #[test]
+    fn linearity_does_not_depend_on_either_zero() {
+        let current = |t: f64| 0.5 + triangle(t);
+        let columns = Columns::new(12001, |_| f64::NAN, current, |t| 5.0 + triangle(t).powi(2));
+        let (width, span) = (0.96f64, 0.98f64.powi(2) - 0.02f64.powi(2));
+        for (line, share, near) in [(Line::Terminal, 4.0, 1e-6), (Line::Independent, 8.0, 1e-6), (Line::LeastSquares, 6.0, 4e-3)] {
+            let wanted = width * width / share / span;
+            assert!((of(line, &columns) - wanted).abs() < near, "{line:?}: {} is not {wanted}", of(line, &columns));
+        }
+        let (slope, offset) = least_squares(&[1.0, 2.0, 4.0], &[3.0, 5.0, 9.0]);
+        assert!((slope - 2.0).abs() < 1e-12 && (offset - 1.0).abs() < 1e-12);
+    }
+
     #[test]
     fn a_straight_line_is_straight() {
         let columns = Columns::new(12001, |_| f64::NAN, triangle, |t| 3.0 + 20.0 * triangle(t));

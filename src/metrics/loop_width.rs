@@ -171,6 +171,28 @@ pub mod tests {
         assert!(rated.check().is_ok() && HysteresisWidth { rated: Some(Pressure::new(0.0)) }.check().is_err());
     }
 
+    /// Curves of another slope and zero: 5 + 20 (i - 0.1) up from 0.1 to 1.1 A, back 0.03 A to the left.
+    #[test]
+    fn the_width_in_current_does_not_depend_on_either_zero() {
+        let current = |t: f64| 0.1 + triangle(t);
+        let columns =
+            Columns::new(12001, |_| f64::NAN, current, |t| 5.0 + 20.0 * (triangle(t) + if rising(t) { 0.0 } else { 0.03 * triangle(t) }));
+        // Falling, p - 5 = 20.6 (i - 0.1): the current differs by 0.03 / 1.03 of (i - 0.1), most at the upper end that counts. Both
+        // curves reach from 0.412 to 19.6 bar above 5; 95 % of that is 18.6406 bar.
+        let wanted = (0.412 + 0.95 * (19.6 - 0.412)) * (1.0 / 20.0 - 1.0 / 20.6);
+        assert!((input(&columns, 0.0) - wanted).abs() < 1e-9, "{} is not {wanted}", input(&columns, 0.0));
+        let rated = HysteresisWidthInput { rated: Some(Current::new(2.0)) };
+        assert!((rated.compute(&columns.segment(0.0)).unwrap() - 0.5 * wanted).abs() < 1e-9 && rated.unit().symbol == "1");
+        // Directions that share no pressure have no width in current.
+        let apart = Columns::new(12001, |_| f64::NAN, current, |t| if rising(t) { 1.0 + triangle(t) } else { 7.0 + triangle(t) });
+        let none = HysteresisWidthInput::default().compute(&apart.segment(0.0));
+        assert!(matches!(none, Err(NotMeasurable::NoResponse { .. })), "{none:?}");
+        // One way only is no loop.
+        let up = Columns::new(2001, |_| f64::NAN, current, |t| 20.0 * triangle(t));
+        let none = HysteresisWidth::default().compute(&up.segment(0.0));
+        assert_eq!(none, Err(NotMeasurable::TooFewSweeps { rising: 1, falling: 0, needed: "one of each is needed" }));
+    }
+
     #[test]
     fn neither_delay_nor_lag_widens_the_loop() {
         let columns = Columns::new(12001, |_| f64::NAN, triangle, |t| 20.0 * triangle((t - 0.03).max(0.0)));

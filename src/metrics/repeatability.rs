@@ -95,6 +95,29 @@ mod tests {
     }
 
     #[test]
+    fn a_share_of_the_rated_pressure_and_the_fewest_passes() {
+        let columns = |samples| Columns::new(samples, |_| f64::NAN, triangle, |t| 20.0 * triangle(t) + 0.1 * (t / 40.0).floor());
+        let rated = Repeatability { rated: Some(Pressure::new(20.0)) };
+        let (whole, three) = (columns(12001), of(&columns(12001)));
+        assert!((rated.compute(&whole.segment(0.0)).unwrap() - three / 20.0).abs() < 1e-12 && rated.unit().symbol == "1");
+        // Two cycles: falling twice at 0 and 0.1 bar; of the two on the way up the first does not count.
+        let two = columns(8001);
+        assert!((of(&two) - 2.8 * 0.005f64.sqrt()).abs() < 1e-6, "{}", of(&two));
+    }
+
+    /// Two passes 0.1 bar apart, smoothed values of a variance of 0.001: 0.005 between them, less the one share of noise.
+    #[test]
+    fn the_noise_of_the_sensor_is_taken_away_once_for_each_degree_of_freedom() {
+        let pass =
+            |level: f64, place| Pass { pressure_bar: vec![level; 4], variance_bar2: 0.001 + 1e-3 * level, rate_a_per_s: 0.05, place };
+        let passes = [pass(0.0, 1), pass(0.1, 3), pass(0.2, 5)];
+        let found = between(&passes.iter().collect::<Vec<_>>());
+        assert!((found - (0.02 - 2.0 * 0.0011)).abs() < 1e-12, "{found}");
+        let found = between(&passes[..2].iter().collect::<Vec<_>>());
+        assert!((found - (0.005 - 0.00105)).abs() < 1e-12, "{found}");
+    }
+
+    #[test]
     fn neither_noise_nor_more_cycles_are_a_lack_of_repeatability() {
         for (noise, samples) in [(0.02, 12001), (0.1, 12001), (0.1, 40001)] {
             let columns = Columns::new(samples, |_| f64::NAN, triangle, |t| 20.0 * triangle(t) + noise * scatter(t));

@@ -61,8 +61,8 @@ mod tests {
         // The class of k^2 ends at sqrt(99800.1 j): 315.9, 446.8, 547.2, 631.8, 706.4, 773.8, 835.8, 893.5, 947.7.
         assert_eq!(h.counts, [316, 131, 101, 84, 75, 67, 62, 58, 54, 52]);
         // From another zero and half as fine, the same classes.
-        let moved = histogram(&values.iter().map(|v| 0.5 * v - 4096.0).collect::<Vec<_>>()).value.unwrap();
-        assert_eq!((moved.start, moved.counts), (-4096.0, h.counts));
+        let moved = histogram(&values.iter().map(|v| 0.5 * v - 40_960.0).collect::<Vec<_>>()).value.unwrap();
+        assert_eq!((moved.start, moved.counts), (-40_960.0, h.counts));
         // Most values alike: the quartiles say nothing, and the square root of their number stands in.
         let alike: Vec<f64> = (0..64).map(|k| if k == 63 { 3.0 } else { 2.0 }).collect();
         assert_eq!(histogram(&alike).value.unwrap().counts, [63, 0, 0, 0, 0, 0, 0, 1]);

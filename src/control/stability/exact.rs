@@ -37,9 +37,11 @@ pub fn margins(plant: &LoopPlant, gains: Gains) -> FrequencyMargins {
 /// The largest sensitivity |1/(1+L)| over all frequencies, for a loop that crosses a gain of one and -180 deg where it does;
 /// `None` when it is not finite.
 fn max_sensitivity(plant: &LoopPlant, gains: Gains, crossings: [Option<f64>; 2]) -> Option<f64> {
-    // A loop that crosses neither never turns against its disturbance; any other peaks between the first effect of its integral and
-    // a little above its faster crossing.
-    let Some(fast) = crossings.into_iter().flatten().max_by(f64::total_cmp) else { return Some(1.0) };
+    // It peaks between the first effect of the integral and a little above what is fastest: a crossing, or the corner of lag and delay.
+    // A loop with none of them never turns against its disturbance.
+    let slow = plant.lag_s + plant.delay_s;
+    let corner = (slow > 0.0).then(|| 1.0 / slow);
+    let Some(fast) = crossings.into_iter().chain([corner]).flatten().max_by(f64::total_cmp) else { return Some(1.0) };
     let grid = logarithmic(1e-5 * fast, 20.0 * fast, 1500);
     let sensitivity = |w: f64| {
         let (magnitude, phase) = (magnitude(plant, gains, w), phase(plant, gains, w));
@@ -193,6 +195,13 @@ mod tests {
         assert!((of(1.0, 500.0, 0.0, 1.0, 0.001) - 1.589_855_405).abs() < 1e-8);
         // Without a delay and with damping 0.5, |S|^2 = (y + y^2) / (1 - y + y^2) is largest at y = (1 + sqrt 3) / 2, above the crossover.
         assert!((of(1.0, 0.0, 1e3, 1e-3, 0.0) - (1.0 + 2.0 / 3f64.sqrt()).sqrt()).abs() < 1e-9);
+        // Far above the crossover where the integral is weak: with c = k K_I tau and y = (tau w)^2, |S|^2 = (y + y^2) / ((c - y)^2 + y) is
+        // largest where y^2 - c y - c / 2 = 0.
+        for c in [0.1, 1e-4f64] {
+            let y = 0.5 * (c + (c * c + 2.0 * c).sqrt());
+            let wanted = ((y + y * y) / ((c - y).powi(2) + y)).sqrt();
+            assert!((of(1.0, 0.0, c / 100.0, 100.0, 0.0) - wanted).abs() < 1e-9 && wanted > 1.0 + 0.5 * c);
+        }
         // A resonance at sqrt(K_I k / tau).
         assert!((of(1.0, 0.0, 1e4, 1.0, 0.0) - 100.006_249_7).abs() < 1e-5);
         // Below the corner: hardly any integral, on a quick plant and on a slow one.

@@ -86,10 +86,6 @@ impl SampledLoop {
     /// The margins at the sampling instants, of a loop without predictor.
     pub fn margins(&self) -> FrequencyMargins {
         let stable = self.stable();
-        let open = self.numerator.iter().all(|c| *c == 0.0);
-        if open {
-            return FrequencyMargins { max_sensitivity: Some(1.0), stable, ..FrequencyMargins::default() };
-        }
         let grid = self.grid();
         let gain: Vec<f64> = grid.iter().map(|w| self.magnitude(*w).ln()).collect();
         let phase = self.unwrapped_phase(&grid);
