@@ -85,9 +85,12 @@ impl Metric for StartCurrent {
     }
 }
 
+/// What the smoothing makes of a pressure that stands still [bar].
+const ROUNDING_BAR: f64 = 1e-9;
+
 fn span(curve: &[f64]) -> Result<(f64, f64), NotMeasurable> {
     let (low, high) = curve.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    if high > low { Ok((low, high)) } else { Err(NotMeasurable::NoResponse { moved_bar: 0.0 }) }
+    if high - low > ROUNDING_BAR { Ok((low, high)) } else { Err(NotMeasurable::NoResponse { moved_bar: high - low }) }
 }
 
 #[cfg(test)]
@@ -124,6 +127,8 @@ mod tests {
         let none = PressureGain {}.compute(&steep.segment(0.0));
         assert!(matches!(none, Err(NotMeasurable::NoResponse { moved_bar }) if (moved_bar - 7.0).abs() < 1e-9), "{none:?}");
         let still = Columns::new(12001, |_| f64::NAN, current, |_| 3.0);
-        assert_eq!(StartCurrent {}.compute(&still.segment(0.0)), Err(NotMeasurable::NoResponse { moved_bar: 0.0 }));
+        // A pressure that stands still starts nowhere, though the smoothing moves it by its last digit.
+        assert!(matches!(StartCurrent {}.compute(&still.segment(0.0)), Err(NotMeasurable::NoResponse { .. })));
+        assert!(matches!(PressureGain {}.compute(&still.segment(0.0)), Err(NotMeasurable::NoResponse { .. })));
     }
 }

@@ -252,7 +252,7 @@ mod tests {
         for (k, rule) in RULES.into_iter().enumerate() {
             let (seen, said) = (spoke[k] as f64 / f64::from(batches), alarms.probability(rule, numbers[k]));
             // What is said may be more than what is seen, for patterns that overlap; it must not be less by more than chance.
-            let least = if matches!(rule, Rule::TwoOfThree | Rule::FourOfFive) { 0.65 } else { 0.8 };
+            let least = if matches!(rule, Rule::OneSide | Rule::WithinOneSigma | Rule::BeyondOneSigma) { 0.8 } else { 0.65 };
             assert!((least..1.12).contains(&(seen / said)), "{rule:?}: {seen} of the batches, {said} said");
         }
     }
