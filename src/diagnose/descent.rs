@@ -120,6 +120,16 @@ impl<'a> Landscape for Loss<'_, '_, '_, 'a> {
         self.fitter.objective(&at.fit)
     }
 
+    fn is_held(&self, k: usize) -> bool {
+        let range = self.free[self.moving[k]].range;
+        range.0 == range.1
+    }
+
+    fn is_blocked(&self, at: &Place<'a>, k: usize, step: f64) -> bool {
+        let (range, value) = (self.free[self.moving[k]].range, at.fit.theta[self.moving[k]]);
+        value <= range.0 && step < 0.0 || value >= range.1 && step > 0.0
+    }
+
     fn is_worth_more(&self, _before: f64, gain: f64) -> bool {
         gain * self.fitter.effective() > TRIFLE_NATS
     }

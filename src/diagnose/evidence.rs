@@ -3,7 +3,7 @@
 use super::error::DiagnoseError;
 use super::foreign::{Base, Foreign};
 use crate::course::{Course, CourseError, Input, Run};
-use crate::physics::{Channel, MOST_INNER};
+use crate::physics::{Channel, MOST_INNER, Sampling};
 use crate::process_loop::SLOW_STEP_S;
 use crate::valve::Valve;
 
@@ -116,6 +116,13 @@ impl Evidence {
             (begin..end, run)
         });
         placed.reduce(|best, next| if next.0.len() > best.0.len() { next } else { best }).expect("a course holds at least one run")
+    }
+
+    /// How it is sampled, all runs together.
+    pub fn sampling(&self) -> Sampling {
+        let ends = self.grids.iter().map(|g| (g.elapsed_s, g.elapsed_s + g.len() as f64 * g.dt_s));
+        let (from, to) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (from, to)| (a.min(from), b.max(to)));
+        Sampling { length_s: to - from, step_s: self.step_s() }
     }
 
     /// Samples in all, used or not.

@@ -75,6 +75,8 @@ pub struct Fitter<'e> {
     pub floor_bar: f64,
     /// The thresholds.
     pub criteria: Criteria,
+    /// Whether data of the good valve says how the model stood when nothing was wrong.
+    pub against_good: bool,
     /// Effects found before by stretches of the recording that no simulation can follow.
     pub found: Vec<&'static str>,
 }
@@ -89,6 +91,7 @@ impl<'e> Fitter<'e> {
             squared: evidence.is_of_steps(),
             floor_bar: evidence.noise_bar,
             criteria: Criteria::default(),
+            against_good: false,
             found: Vec::new(),
         }
     }
@@ -104,8 +107,8 @@ impl<'e> Fitter<'e> {
 
     /// The same on a part of the evidence.
     pub fn looking_at<'s>(&self, part: &'s Evidence) -> Fitter<'s> {
-        let Self { tau_samples, squared, floor_bar, criteria, .. } = *self;
-        Fitter { tau_samples, squared, floor_bar, criteria, found: self.found.clone(), ..Fitter::new(part) }
+        let Self { tau_samples, squared, floor_bar, criteria, against_good, .. } = *self;
+        Fitter { tau_samples, squared, floor_bar, criteria, against_good, found: self.found.clone(), ..Fitter::new(part) }
     }
 
     /// A fit of other evidence as it stands on this one.

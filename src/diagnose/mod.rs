@@ -143,6 +143,7 @@ fn on_evidence(
     let mut fitter = Fitter::without(&evidence, &unsettled);
     if let Some(good) = &good {
         fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());
+        fitter.against_good = true;
     }
     // Readings that measure nothing go first, so that they hide nothing else.
     let (null, base) = search::recalibrated(&fitter, base);
@@ -204,5 +205,7 @@ fn on_evidence(
     Ok(found)
 }
 
+#[cfg(test)]
+mod planted;
 #[cfg(test)]
 mod tests;

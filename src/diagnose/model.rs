@@ -2,7 +2,7 @@
 
 use super::base::{AT, BASE, Base};
 use super::evidence::Evidence;
-use crate::physics::{EFFECTS, Effect, MOST_INNER, Parameter, Pipeline, Stage, resolve, signals, specification};
+use crate::physics::{EFFECTS, Effect, MOST_INNER, Parameter, Pipeline, Sampling, Stage, resolve, signals, specification};
 use crate::valve::{Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
 
 /// One parameter of the vector that a fit moves.
@@ -14,6 +14,8 @@ pub struct Free {
     pub log: bool,
     /// Step of the finite difference (a ratio where `log`).
     pub step: f64,
+    /// Whether a recording tells it by steps of this size.
+    pub resolved: bool,
     /// What the calibration says; none for an effect's parameter.
     pub prior: Option<Prior>,
 }
@@ -72,6 +74,9 @@ const LONGEST_PROCESS: f64 = 60.0;
 /// The step with which valves are recorded [s].
 pub const VALVE_STEP_S: f64 = 0.01;
 
+/// A recording of which nothing is known yet.
+const USUAL: Sampling = Sampling { length_s: 60.0, step_s: VALVE_STEP_S };
+
 /// The lag that coil, spool and hold usually have, and its spread [s].
 const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 
@@ -99,6 +104,8 @@ pub struct Model<'a> {
     foreign_step_s: Option<f64>,
     /// How far the model is off where nothing is wrong [bar].
     form_error_bar: f64,
+    /// How the recording is sampled that it is fitted to.
+    sampling: Sampling,
 }
 
 impl<'a> Model<'a> {
@@ -118,12 +125,13 @@ impl<'a> Model<'a> {
             slowness: 1.0,
             foreign_step_s: None,
             form_error_bar: 0.0,
+            sampling: USUAL,
         })
     }
 
     /// This model about the base of the evidence, which may be a foreign one.
     pub fn on(self, evidence: &Evidence) -> Self {
-        Self { foreign_step_s: evidence.base.as_ref().map(|_| evidence.step_s()), ..self }
+        Self { foreign_step_s: evidence.base.as_ref().map(|_| evidence.step_s()), sampling: evidence.sampling(), ..self }
     }
 
     /// This model, known to be off by so much where nothing is wrong [bar]: on another drive its gain and its zero may be off by
@@ -216,6 +224,7 @@ impl<'a> Model<'a> {
             range: (mean - half, mean + half),
             log: false,
             step,
+            resolved: false,
             prior: Some(Prior { mean, sigma, heavy }),
         };
         // Over the span of the curves, and at any of their points.
@@ -235,11 +244,12 @@ impl<'a> Model<'a> {
                 range: (0.0, self.lag_limit_s),
                 log: false,
                 step: 3e-4 * self.slowness,
+                resolved: false,
                 prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
             },
         };
         if let Some(step_s) = self.foreign_step_s {
-            let still = |value: f64| Free { range: (value, value), log: false, step: 0.0, prior: None };
+            let still = |value: f64| Free { range: (value, value), log: false, step: 0.0, resolved: false, prior: None };
             (base.width, base.ln_a, base.lag) = (still(start.width), still(start.ln_a), still(start.lag));
             base.late.range.0 = -base.late.range.1;
             // Whether a simulation reads its command at the begin or the end of a step is its own affair.
@@ -248,14 +258,16 @@ impl<'a> Model<'a> {
         }
         let mut free = base.in_order().to_vec();
         for (effect, held) in self.effects.iter().zip(&self.held) {
-            free.extend(effect.parameters().iter().zip(held).map(|(p, held)| {
-                let log = p.range.0 > 0.0 && p.range.1 / p.range.0 > 20.0;
+            free.extend(effect.parameters().iter().zip(held).enumerate().map(|(k, (p, held))| {
+                let resolved = effect.resolved(k, self.sampling);
+                let log = resolved.is_none() && p.range.0 > 0.0 && p.range.1 / p.range.0 > 20.0;
                 let size = self.size(p);
                 // A fit looks for effects of the size of this valve's own signals.
                 let range = if size == 1.0 { p.range } else { (p.range.0 * size, p.range.1 * size) };
-                let step = if log { 4e-3 } else { 2e-4 * (p.range.1 - p.range.0).min(20.0) * size };
+                let usual = if log { 4e-3 } else { 2e-4 * (p.range.1 - p.range.0).min(20.0) * size };
+                let step = resolved.unwrap_or(usual);
                 let range = p.default.filter(|_| *held).map_or(range, |value| (value, value));
-                Free { range, log, step, prior: None }
+                Free { range, log, step, resolved: resolved.is_some(), prior: None }
             }));
         }
         free

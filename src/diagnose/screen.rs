@@ -1,17 +1,29 @@
 //! Fits from several starts: many for a few steps, the best to the end.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::base::{AT, BASE};
 use super::descent::Descent;
 use super::fit::{Fit, Fitter, clamped, shifted};
+use super::loss;
 use super::model::{Model, Simulator, UNSEEN_LAG_S};
 
 /// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
 const HOPELESS_NATS: f64 = -30.0;
 
-/// A second start goes on where it is no farther behind the first [nats].
+/// Another start goes on where it is no farther behind the first [nats].
 const NEAR_NATS: f64 = 6.0;
 /// Steps of a fit after which who is far behind stays there.
 const FIRST_STEPS: usize = 5;
+
+/// Share of itself by which an effect's parameter is moved at least to see what a gradient does not.
+const FINEST: f64 = 0.03;
+/// Steps of a fit from another split of delay and lag.
+const SPLIT_STEPS: usize = 8;
+/// A fit goes on for so many steps, so many times at most, until they gain less than this [nats].
+const MORE_STEPS: usize = 8;
+const MORE: usize = 4;
+const AT_THE_END_NATS: f64 = 0.3;
 
 /// How many starts make room for the effect, and how many of these go on: for a first effect, and beside others.
 const FIRST: (usize, usize) = (6, 3);
@@ -39,7 +51,8 @@ impl Fitter<'_> {
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
         let mut tried: Vec<Fit<'a>> = Vec::new();
-        for values in starts {
+        let starts = self.in_proportion(&mut simulator, model, incumbent, starts);
+        for values in &starts {
             for base in [&incumbent.theta, &calibrated] {
                 let theta = [base.as_slice(), values.as_slice()].concat();
                 tried.push(self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual));
@@ -61,28 +74,81 @@ impl Fitter<'_> {
         rough
     }
 
-    /// The first few steps of [`Fitter::finish`], which show who may still win: one fit, or two that are near each other.
+    /// The starts with the amplitude, where the last effect of `model` has one, at which what it does comes nearest to what the
+    /// incumbent leaves, while gain and offset of the base make room for it: the linear part of the fit is solved, and only the rest
+    /// has to be tried (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
+    fn in_proportion(&self, simulator: &mut Simulator<'_>, model: &Model<'_>, incumbent: &Fit<'_>, starts: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let Some(amplitude) = model.effects.last().and_then(|e| e.amplitude()) else { return starts.to_vec() };
+        let range = model.free()[incumbent.theta.len() + amplitude].range;
+        let (mut given, mut with) = (Vec::new(), Vec::new());
+        simulator.pressure(&incumbent.model, &incumbent.theta, &mut given);
+        let solved = |start: &Vec<f64>| {
+            simulator.pressure(model, &[incumbent.theta.as_slice(), start].concat(), &mut with);
+            let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+            for ((y, p), q) in self.measured.iter().zip(&given).zip(&with).filter(|((y, _), _)| y.is_finite()) {
+                let row = Vector3::new(q - p, 1.0, *p);
+                let weight = if self.squared { 1.0 } else { loss::weight(y - p, incumbent.scale_bar) };
+                normal += weight * row * row.transpose();
+                right += weight * (y - p) * row;
+            }
+            let times = normal.try_inverse().map_or(f64::NAN, |inverse| (inverse * right)[0]);
+            let value = times * start[amplitude];
+            let mut values = start.clone();
+            if value.is_finite() && (range.0..=range.1).contains(&value) && value != 0.0 {
+                values[amplitude] = value;
+            }
+            values
+        };
+        starts.iter().map(solved).collect()
+    }
+
+    /// The first few steps of [`Fitter::finish`], which show who may still win: one fit, or those near it.
     pub fn begin<'a>(&self, mut rough: Vec<Fit<'a>>) -> Vec<Fit<'a>> {
         let mut simulator = Simulator::new(self.evidence);
-        let both = rough.len() > 1 && self.gain(&rough[1], &rough[0]) < NEAR_NATS;
-        rough.truncate(if both { 2 } else { 1 });
+        rough.truncate(self.near(&rough));
         let mut fits: Vec<Fit<'a>> =
             rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(FIRST_STEPS))).collect();
         fits.sort_by(|a, b| self.objective(a).total_cmp(&self.objective(b)));
         fits
     }
 
+    /// How many of these fits, best first, may still win.
+    fn near(&self, rough: &[Fit<'_>]) -> usize {
+        rough.iter().take_while(|fit| self.gain(fit, &rough[0]) < NEAR_NATS).count().max(1)
+    }
+
     /// The best of what [`Fitter::screen`] has found, brought to the end with all parameters free; only a few steps where
     /// it is hopeless.
     pub fn finish<'a>(&self, mut rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
         let mut simulator = Simulator::new(self.evidence);
-        // A second start goes on only where it may still win.
-        let both = !hopeless && rough.len() > 1 && self.gain(&rough[1], &rough[0]) < NEAR_NATS;
-        rough.truncate(if both { 2 } else { 1 });
+        rough.truncate(if hopeless { 1 } else { self.near(&rough) });
         let steps = if hopeless { FIRST_STEPS } else { 18 };
         let fine = rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
         let best = fine.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
-        if hopeless { best } else { self.walk(&mut simulator, best) }
+        if hopeless { best } else { self.to_the_end(&mut simulator, best) }
+    }
+
+    /// What a descent that has run out of steps, or into one of the optima that delay and lag have side by side, leaves to be gained.
+    fn to_the_end<'a>(&self, simulator: &mut Simulator<'_>, mut best: Fit<'a>) -> Fit<'a> {
+        let mut split = best.theta.clone();
+        let calibrated = best.model.calibrated();
+        (split[AT.late], split[AT.lag]) = (calibrated[AT.late], calibrated[AT.lag]);
+        let split = self.polish_in(simulator, &best.model, &split, Descent::of(SPLIT_STEPS));
+        if self.objective(&split) < self.objective(&best) {
+            best = split;
+        }
+        best = self.walk(simulator, best);
+        for _ in 0..MORE {
+            let next = self.polish_in(simulator, &best.model, &best.theta, Descent::of(MORE_STEPS));
+            let gain = self.gain(&best, &next);
+            if gain > 0.0 {
+                best = next;
+            }
+            if gain < AT_THE_END_NATS {
+                break;
+            }
+        }
+        best
     }
 
     /// Tries each effect parameter a little up and down: what a gradient of a jumping simulation does not see.
@@ -90,10 +156,12 @@ impl Fitter<'_> {
         let free = best.model.free();
         let mut residual = Vec::new();
         let last = best.model.place(best.model.effects.len() - 1);
-        for size in [0.12, 0.03] {
+        for size in [4.0 * FINEST, FINEST] {
             for k in last.clone() {
                 for sign in [1.0, -1.0] {
-                    let step = if free[k].log {
+                    let step = if free[k].resolved {
+                        (size / FINEST) * free[k].step
+                    } else if free[k].log {
                         size
                     } else {
                         size * best.theta[k].abs().max(0.01 * (free[k].range.1 - free[k].range.0).min(10.0))

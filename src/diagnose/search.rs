@@ -164,7 +164,8 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
         let (gain, interval, p_value) = with.gain_over(&without);
         // Few events lie in few blocks, which no test of blocks finds certain; what is gained there is as much as was claimed.
         let carried = gain > fitter.criteria.carried * (less.rmse_bar - fit.rmse_bar) && fit.rmse_bar < less.rmse_bar;
-        let stood_in = !fitter.squared && less.prior_nats - fit.prior_nats > 0.5 * fitter.criteria.very_strong;
+        let recalibrates = fit.model.effects[k].recalibrates();
+        let stood_in = (!fitter.squared || recalibrates) && less.prior_nats - fit.prior_nats > 0.5 * fitter.criteria.very_strong;
         let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
         // Beside a cause that was found, a recalibration that does as well is the plainer answer.
         if k > 0 && !signed && gain < fitter.criteria.worth * without.rmse_bar() {
@@ -265,21 +266,12 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         })
         .filter(|e| !incumbent.model.effects.iter().any(|have| have.id() == e.id()) && !fitter.found.contains(&e.id()))
         .filter(|e| !fitter.evidence.is_slow() || !fitter.evidence.controlled && e.stage() == Stage::Spool)
-        .filter(|e| e.searched())
+        .filter(|e| e.searched() && (fitter.against_good || !e.recalibrates()))
         .filter(|e| fitter.evidence.base.as_ref().is_none_or(|base| base.carries(*e)))
         .filter(|e| e.needs().is_none_or(|channel| fitter.evidence.moves(channel)))
         .collect();
-    let screened: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> = open
-        .into_par_iter()
-        .map(|effect| {
-            let hint = hint(fitter, &residual, &pressure, incumbent);
-            let model = incumbent.model.with(effect, effect.signature_nats(&hint));
-            let mut starts = model.starts(effect);
-            starts.extend(effect.propose(&hint));
-            starts.extend(before.and_then(|round| round.end_of(effect)));
-            (effect, fitter.screen(&model, incumbent, &starts))
-        })
-        .collect();
+    let screened: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> =
+        open.into_par_iter().map(|effect| (effect, screened(fitter, incumbent, effect, (&residual, &pressure), before))).collect();
     let begun: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> =
         screened.into_par_iter().map(|(effect, fits)| (effect, fitter.begin(fits))).collect();
     let best = begun.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max);
@@ -294,6 +286,23 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
             Ranked { effect, fit }
         })
         .collect()
+}
+
+/// The first steps of the fits of the incumbent with one more effect, best first; `residual` and `pressure`: what the incumbent
+/// leaves and gives [bar].
+pub fn screened<'a>(
+    fitter: &Fitter<'_>,
+    incumbent: &Fit<'a>,
+    effect: &'static dyn Effect,
+    (residual, pressure): (&[f64], &[f64]),
+    before: Option<&Round<'a>>,
+) -> Vec<Fit<'a>> {
+    let hint = hint(fitter, residual, pressure, incumbent);
+    let model = incumbent.model.with(effect, effect.signature_nats(&hint));
+    let mut starts = model.starts(effect);
+    starts.extend(effect.propose(&hint));
+    starts.extend(before.and_then(|round| round.end_of(effect)));
+    fitter.screen(&model, incumbent, &starts)
 }
 
 /// A gain below this [nats] is far from evidence for a name.
@@ -318,7 +327,7 @@ fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], in
 }
 
 /// How many samples of this fit's residual count as one.
-fn correlation(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
+pub fn correlation(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     let mut residual = Vec::new();
     Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
     let most = (fitter.used() as f64 / 300.0).clamp(1.0, TAU_SAMPLES.1);

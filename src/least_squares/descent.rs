@@ -11,8 +11,6 @@ const LEAST_DIAGONAL: f64 = 1e-12;
 const EASED: f64 = 0.2;
 /// A damping that has failed is at least this.
 const LEAST_AFTER_FAILURE: f64 = 1e-6;
-/// Rounds in which parameters at their bounds are taken out of a step.
-const ROUNDS_AT_BOUNDS: usize = 3;
 
 /// The normal equations at a point.
 #[derive(Debug, Clone)]
@@ -136,7 +134,8 @@ fn damped_step<L: Landscape>(landscape: &L, at: &L::Point, equations: &Equations
     let n = equations.gradient.len();
     let mut held: Vec<bool> = (0..n).map(|k| landscape.is_held(k)).collect();
     let largest = equations.normal.diagonal().max();
-    for _ in 0..ROUNDS_AT_BOUNDS {
+    // Each round takes at least one more parameter out of the step.
+    for _ in 0..=n {
         let (mut damped, mut right) = (equations.normal.clone(), equations.gradient.clone());
         for k in 0..n {
             damped[(k, k)] += damping * damped[(k, k)].max(LEAST_DIAGONAL * largest);

@@ -57,7 +57,7 @@ impl Effect for CoilHeating {
                 name: "initial",
                 unit: &RATIO,
                 range: (0.0, 1.0),
-                starts: &[0.0],
+                starts: &[0.0, 0.4],
                 default: Some(0.0),
                 meaning: "heat at the start, 1 is long at 1 A",
             },
@@ -67,6 +67,9 @@ impl Effect for CoilHeating {
     fn longest_step_s(&self, _: Theta<'_>) -> f64 {
         // While a command is held the current droops on, which a hysteresis sees as a reversal of its own.
         0.01
+    }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         Block::pointwise(Coil {

@@ -67,6 +67,9 @@ impl Effect for Creep {
     fn shortest_s(&self, theta: Theta<'_>) -> f64 {
         theta[1] / theta[2]
     }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let lag = |tau_s: f64| FirstOrder::new(tau_s, context.dt_s, context.arrival);
         Block::dynamic(Late { gain: theta[0], lags: [lag(theta[1] / theta[2]), lag(theta[1]), lag(theta[1] * theta[2])] })

@@ -78,6 +78,15 @@ pub struct Context {
     pub seed: Option<u64>,
 }
 
+/// How a recording is sampled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sampling {
+    /// From its first sample to its last [s].
+    pub length_s: f64,
+    /// From one sample to the next [s].
+    pub step_s: f64,
+}
+
 /// A plainer effect inside another one.
 #[derive(Debug, Clone, Copy)]
 pub struct Nested {
@@ -140,9 +149,8 @@ pub trait Effect: Sync {
     /// The effect at work.
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block;
 
-    /// Whether a diagnosis tries it. A form that holds a plainer one, or that a recalibration stands in for, takes the name
-    /// of it wherever that is not quite exact; such a form is for models that are written by hand until its names have been
-    /// counted on concealed valves.
+    /// Whether a diagnosis tries it. A form that holds a plainer one takes the name of it wherever that is not quite exact; such a
+    /// form is for models that are written by hand until its names have been counted on concealed valves.
     fn searched(&self) -> bool {
         true
     }
@@ -169,6 +177,11 @@ pub trait Effect: Sync {
         std::iter::once(first.clone()).chain(moved).collect()
     }
 
+    /// Whether a recalibration of the model does the same, so that only data of the good valve makes it a finding.
+    fn recalibrates(&self) -> bool {
+        false
+    }
+
     /// A plainer effect that it holds, and its own values at which it is the plainer one with these values: a fit of it can
     /// never be worse than the plainer one's.
     fn nested(&self) -> Option<Nested> {
@@ -178,6 +191,18 @@ pub trait Effect: Sync {
     /// Its values for a stem that rests until the current is `(resting, ..)` away from it and then moves to within `(.., moving)` of
     /// it [A]; `None` for an effect that is no such friction.
     fn stick_slip(&self, _: (f64, f64)) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// The parameter that what it does to the pressure is in proportion to, with the others as they are: a fit then needs to try
+    /// the others only.
+    fn amplitude(&self) -> Option<usize> {
+        None
+    }
+
+    /// How far parameter `k` may be moved to see what it does, where a recording tells it more finely than by the usual share; it then
+    /// moves on a straight line.
+    fn resolved(&self, _k: usize, _of: Sampling) -> Option<f64> {
         None
     }
 
@@ -234,6 +259,11 @@ pub trait Effect: Sync {
 
     /// For an effect of the scatter, or one that comes and goes at times of its own: whether its signature is in the recording.
     fn scatter(&self, _: &Scatter<'_>) -> Option<ScatterFinding> {
+        None
+    }
+
+    /// What the scatter of another recording says for it with these values [nats]; `None` where that cannot be said.
+    fn scatter_nats(&self, _: Theta<'_>, _: &Scatter<'_>) -> Option<f64> {
         None
     }
 

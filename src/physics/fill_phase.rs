@@ -15,7 +15,7 @@
 //! Source: US patent 7,574,906 (fill volume); Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice).
 
 use super::block::{Block, Dynamic, Point, Step};
-use super::effect::{Context, Effect, Parameter, Stage, Theta};
+use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `fill_phase`.
@@ -84,6 +84,30 @@ impl Effect for FillPhase {
         ];
         &PARAMETERS
     }
+    /// The longest stretch in which the pressure stays low while more is asked for: where it stands, and the time after which the
+    /// piston has reached its end.
+    fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
+        let standing = |k: usize| hint.residual_bar[k] < -BEYOND * hint.scale_bar;
+        let mut stretches: Vec<(usize, usize)> = Vec::new();
+        for k in (0..hint.residual_bar.len()).filter(|k| standing(*k)) {
+            match stretches.last_mut() {
+                Some(last) if k <= last.1 + 2 => last.1 = k + 1,
+                _ => stretches.push((k, k + 1)),
+            }
+        }
+        let of = |(from, to): &(usize, usize)| {
+            let mut levels: Vec<f64> =
+                (*from..*to).map(|k| hint.pressure_bar[k] + hint.residual_bar[k]).filter(|p| p.is_finite()).collect();
+            let middle = levels.len() / 2;
+            let plateau = *levels.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let time_s: f64 = (*from..*to).map(|k| (hint.pressure_bar[k] - plateau).max(0.0).sqrt() * hint.dt_s).sum();
+            (plateau, time_s)
+        };
+        stretches.sort_by_key(|(from, to)| std::cmp::Reverse(to - from));
+        let found = stretches.iter().take(2).map(of);
+        let likely = found.filter(|(plateau, time_s)| (0.2..=20.0).contains(plateau) && (0.005..=10.0).contains(time_s));
+        likely.flat_map(|(plateau, time_s)| tried(plateau, time_s)).collect()
+    }
     fn shortest_s(&self, theta: Theta<'_>) -> f64 {
         // An excess of some 25 bar fills five times as fast as one of 1 bar.
         0.2 * theta[1]
@@ -100,6 +124,17 @@ impl Effect for FillPhase {
             stroke: 0.0,
         })
     }
+}
+
+/// A pressure so many times the scale of the residual below the simulated one is held down.
+const BEYOND: f64 = 3.0;
+/// Speeds of draining and drags of the piston [bar] that are tried.
+const DRAINS: [f64; 3] = [0.3, 1.0, 4.0];
+const DRAGS_BAR: [f64; 2] = [0.0, 0.2];
+
+/// Starts of a fit about this plateau [bar] and this time [s].
+fn tried(plateau: f64, time_s: f64) -> impl Iterator<Item = Vec<f64>> {
+    DRAGS_BAR.into_iter().flat_map(move |drag| DRAINS.map(|drain| vec![plateau, time_s, 0.2, drain, 0.0, drag]))
 }
 
 /// Input that changes by more than this within a step is taken in parts [bar].

@@ -63,6 +63,9 @@ impl Effect for Leakage {
     fn shortest_s(&self, theta: Theta<'_>) -> f64 {
         if theta[2] > AT_ONCE_S { theta[2] } else { f64::INFINITY }
     }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let loss = Loss { loss: theta[0], power: Power::new(theta[1]) };
         if theta[2] <= AT_ONCE_S {

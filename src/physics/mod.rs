@@ -59,7 +59,7 @@ pub use block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Ste
 pub use course::{Misfit, signals, simulate_course};
 pub use delay::{Delay, DelayLine};
 pub use discovered::{Discovered, Factor, MOST_FACTORS, Seen, Shape, State, StateKind, Term, Tracker, numbers, state_text, written};
-pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Nested, Parameter, Scatter, ScatterFinding, Stage, Theta};
+pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Nested, Parameter, Sampling, Scatter, ScatterFinding, Stage, Theta};
 pub use error::PhysicsError;
 pub use linear::{FirstOrder, SecondOrder};
 pub use oil_viscosity::REFERENCE_C;

@@ -41,7 +41,7 @@ impl Effect for NonlocalMemory {
                 name: "weight",
                 unit: &PRESSURE_PER_CURRENT,
                 range: (-60.0, 60.0),
-                starts: &[5.0, -5.0],
+                starts: &[5.0],
                 default: None,
                 meaning: "slope that the plays carry together",
             },
@@ -49,7 +49,7 @@ impl Effect for NonlocalMemory {
                 name: "radius",
                 unit: &CURRENT,
                 range: (0.001, 0.2),
-                starts: &[0.006, 0.03, 0.1],
+                starts: &[0.006, 0.012, 0.025, 0.05, 0.1],
                 default: None,
                 meaning: "radius of the smallest play",
             },
@@ -57,12 +57,15 @@ impl Effect for NonlocalMemory {
                 name: "decay",
                 unit: &RATIO,
                 range: (0.02, 3.0),
-                starts: &[0.5],
+                starts: &[0.5, 1.2],
                 default: Some(0.5),
                 meaning: "weight of each play over that of the next smaller one",
             },
         ];
         &PARAMETERS
+    }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
     }
     fn block(&self, theta: Theta<'_>, _: &Context) -> Block {
         let share: f64 = (0..PLAYS as i32).map(|j| theta[2].powi(j)).sum();

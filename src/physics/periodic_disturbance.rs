@@ -11,7 +11,7 @@
 //! Source: Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., section 4.2 (aliasing).
 
 use super::block::{Block, Point, Pointwise};
-use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
+use super::effect::{Context, Effect, Hint, Parameter, Sampling, Stage, Theta};
 use crate::units::{FREQUENCY, PRESSURE};
 
 /// The effect `periodic_disturbance`.
@@ -60,6 +60,9 @@ impl Effect for PeriodicDisturbance {
     fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
         strongest_line(hint).into_iter().map(|(f, s, c)| vec![f, s, c]).collect()
     }
+    fn resolved(&self, k: usize, of: Sampling) -> Option<f64> {
+        (k == 0).then(|| SHARE_OF_LINE / of.length_s)
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let w = std::f64::consts::TAU * theta[0];
         let turn = w * context.dt_s;
@@ -67,6 +70,9 @@ impl Effect for PeriodicDisturbance {
         Block::pointwise(Tone { sine: theta[1], cosine: theta[2], turn: (turn.sin(), turn.cos()), now: (phase.sin(), phase.cos()) })
     }
 }
+
+/// Share of the width of a line by which its frequency may be moved without the tone getting out of step.
+const SHARE_OF_LINE: f64 = 0.03;
 
 struct Tone {
     sine: f64,
@@ -114,12 +120,12 @@ pub(super) fn strongest_line(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
         (2.0 * s / n as f64, 2.0 * c / n as f64)
     };
     let bin = 1.0 / (n as f64 * hint.dt_s);
-    let candidates = (-4..=4).map(|j| (peak as f64 + 0.2 * f64::from(j)) * bin);
     let size = |f: &f64| {
         let (s, c) = project(*f);
         s * s + c * c
     };
-    let best = candidates.max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    let nearest = |about: f64, step: f64| (-4..=4).map(|j| about + f64::from(j) * step).max_by(|a, b| size(a).total_cmp(&size(b)));
+    let best = nearest(nearest(peak as f64 * bin, 0.2 * bin)?, 0.03 * bin)?;
     let (s, c) = project(best);
     Some((best, s, c))
 }

@@ -75,6 +75,9 @@ impl Effect for RateDependentHysteresis {
         // With a steep exponent the widening changes faster than the rate that is felt.
         0.6 * theta[3]
     }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let ratio = context.dt_s / theta[3];
         Block::dynamic(Widening {

@@ -61,6 +61,9 @@ impl Effect for ReferenceDrift {
         ];
         &PARAMETERS
     }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         Block::pointwise(Drift { gain: theta[0], offset: theta[1], change: SlowChange::new(theta[2], context) })
     }

@@ -13,8 +13,10 @@
 //!
 //! Source: paper, "error due to oil temperature" of the two clutches.
 
+use nalgebra::{Matrix4, Vector4};
+
 use super::block::{Block, Point, Pointwise};
-use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
+use super::effect::{Context, Effect, Hint, Parameter, Sampling, Stage, Theta};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `reference_shift`.
@@ -74,6 +76,9 @@ impl Effect for ReferenceShift {
         out.extend(best_instant(hint).map(|(from_s, gain, offset_bar)| vec![gain, offset_bar, from_s, 0.0]));
         out
     }
+    fn resolved(&self, k: usize, of: Sampling) -> Option<f64> {
+        (k == 2).then_some(of.step_s)
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
         Block::pointwise(Shift {
@@ -86,32 +91,33 @@ impl Effect for ReferenceShift {
     }
 }
 
-/// Sums for a straight line of the residual over the pressure.
+/// Sums of a stretch of residuals over offset, pressure, its direction and its rate.
 #[derive(Debug, Clone, Copy, Default)]
-struct Line {
-    n: f64,
-    p: f64,
-    e: f64,
-    pp: f64,
-    pe: f64,
+struct Lines {
+    normal: Matrix4<f64>,
+    right: Vector4<f64>,
 }
 
-impl Line {
-    fn and(self, p: f64, e: f64) -> Self {
-        Self { n: self.n + 1.0, p: self.p + p, e: self.e + e, pp: self.pp + p * p, pe: self.pe + p * e }
+impl Lines {
+    fn and(&mut self, row: Vector4<f64>, e: f64) {
+        self.normal += row * row.transpose();
+        self.right += e * row;
     }
-    fn without(self, of: Self) -> Self {
-        Self { n: self.n - of.n, p: self.p - of.p, e: self.e - of.e, pp: self.pp - of.pp, pe: self.pe - of.pe }
+    fn without(&self, of: &Self) -> Self {
+        Self { normal: self.normal - of.normal, right: self.right - of.right }
     }
-    /// Slope, value at no pressure, and how much of the sum of squares the line takes; a level where the pressure stands.
-    fn fitted(self) -> (f64, f64, f64) {
-        let (spread, along) = (self.pp - self.p * self.p / self.n, self.pe - self.p * self.e / self.n);
-        let slope = if spread > 1e-9 * self.pp { along / spread } else { 0.0 };
-        let level = (self.e - slope * self.p) / self.n;
-        (slope, level, slope * along + self.e * self.e / self.n)
+    /// Values of the four, and how much of the sum of squares they take. What the pressures do not show stays nothing.
+    fn fitted(&self) -> Option<(Vector4<f64>, f64)> {
+        let ridge = Matrix4::from_diagonal(&self.normal.diagonal().map(|d| RIDGE * d + 1e-9));
+        let values = (self.normal + ridge).cholesky()?.solve(&self.right);
+        Some((values, values.dot(&self.right)))
     }
 }
 
+/// Share of each diagonal element that keeps values in bounds.
+const RIDGE: f64 = 1e-6;
+/// Instants that are looked at first lie so many readings apart.
+const COARSE: usize = 10;
 /// Share of the readings on either side of an instant that lies next to it.
 const NEXT: f64 = 0.01;
 /// Part of a change that must have come within the readings next to its instant: a drift or a wander has two sides as well.
@@ -120,41 +126,59 @@ const AT_ONCE: f64 = 0.5;
 /// has many.
 const ALONE: f64 = 2.0;
 
-/// The instant [s] on whose sides two straight lines over the pressure leave the least of the residual, and what changes
-/// there: gain and offset [bar]. Each side has a twentieth of the readings; `None` where the change does not come at once.
+/// A reading: its sample, what its residual may be made of, and the residual [bar].
+struct Reading {
+    sample: usize,
+    row: Vector4<f64>,
+    residual_bar: f64,
+}
+
+/// The instant [s] on whose sides two straight lines over the pressure leave the least of the residual, beside what a loop width and a
+/// delay that have made room for the change add; and what changes there: gain and offset [bar]. Each side has a twentieth of the
+/// readings; `None` where the change does not come at once.
 fn best_instant(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
-    let most_bar = 5.0 * hint.scale_bar;
-    let readings: Vec<(usize, f64, f64)> = (0..hint.residual_bar.len())
-        .map(|k| (k, hint.pressure_bar[k], hint.residual_bar[k].clamp(-most_bar, most_bar)))
-        .filter(|(_, p, e)| p.is_finite() && e.is_finite())
-        .collect();
-    let all = readings.iter().fold(Line::default(), |line, (_, p, e)| line.and(*p, *e));
-    let least = (readings.len() / 20).max(2);
-    let (mut before, mut best) = (Line::default(), None::<(f64, usize, [(f64, f64, f64); 2])>);
-    for (j, (_, p, e)) in readings.iter().enumerate() {
-        if j >= least && readings.len() - j >= least {
-            let sides = [before.fitted(), all.without(before).fitted()];
-            let taken = sides[0].2 + sides[1].2;
-            if best.is_none_or(|(most, ..)| taken > most) {
-                best = Some((taken, j, sides));
-            }
-        }
-        before = before.and(*p, *e);
+    let readings = readings(hint);
+    let (mut all, mut until) = (Lines::default(), Vec::with_capacity(readings.len()));
+    for r in &readings {
+        until.push(all);
+        all.and(r.row, r.residual_bar);
     }
-    let (_, at, [first, second]) = best?;
-    let next = ((NEXT * readings.len() as f64) as usize).max(5).min(least);
+    let least = (readings.len() / 20).max(5);
+    let parted = |j: usize| Some((until[j].fitted()?.0, all.without(&until[j]).fitted()?.0));
+    let taken = |j: usize| Some(until[j].fitted()?.1 + all.without(&until[j]).fitted()?.1);
+    let best = |from: usize, to: usize, step: usize| {
+        let inside = from.max(least)..to.min(readings.len().saturating_sub(least) + 1);
+        inside.step_by(step).filter_map(|j| Some((taken(j)?, j))).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, j)| j)
+    };
+    let about = best(0, readings.len(), COARSE)?;
+    let at = best(about.saturating_sub(COARSE), about + COARSE, 1)?;
+    let (first, second) = parted(at)?;
+    let change = second - first;
     // Against the line before: how far the readings just behind are from those just ahead, and how far both lines say they are.
-    let mean =
-        |of: &[(usize, f64, f64)], value: &dyn Fn(f64, f64) -> f64| of.iter().map(|(_, p, e)| value(*p, *e)).sum::<f64>() / of.len() as f64;
-    let over_first = |p: f64, e: f64| e - first.0 * p - first.1;
+    let next = ((NEXT * readings.len() as f64) as usize).clamp(5, least);
+    let mean = |of: &[Reading], value: &dyn Fn(&Reading) -> f64| of.iter().map(value).sum::<f64>() / of.len() as f64;
+    let over_first = |r: &Reading| r.residual_bar - first.dot(&r.row);
     let came = mean(&readings[at..at + next], &over_first) - mean(&readings[at - next..at], &over_first);
-    let (gain, offset_bar) = (second.0 - first.0, second.1 - first.1);
-    let said = mean(&readings[at..at + next], &|p, _| gain * p + offset_bar);
-    let from_s = hint.start_s + (readings[at].0 as f64 - 0.5) * hint.dt_s;
+    let said = mean(&readings[at..at + next], &|r| change[0] + change[1] * r.row[1]);
     let levels: Vec<f64> = readings.chunks_exact(next).map(|chunk| mean(chunk, &over_first)).collect();
     let elsewhere = levels.windows(2).enumerate().filter(|(w, _)| ((w + 1) * next).abs_diff(at) > next).map(|(_, l)| (l[1] - l[0]).abs());
     let alone = came.abs() > ALONE * elsewhere.fold(0.0, f64::max);
-    (alone && came * said > AT_ONCE * said * said).then_some((from_s, gain, offset_bar))
+    let from_s = hint.start_s + (readings[at].sample as f64 - 0.5) * hint.dt_s;
+    (alone && came * said > AT_ONCE * said * said).then_some((from_s, change[1], change[0]))
+}
+
+fn readings(hint: &Hint<'_>) -> Vec<Reading> {
+    let most_bar = 5.0 * hint.scale_bar;
+    let before = hint.pressure_bar.iter().take(1).chain(hint.pressure_bar);
+    let samples = hint.pressure_bar.iter().zip(before).zip(hint.residual_bar).enumerate();
+    let reading = |(sample, ((p, before), e)): (usize, ((&f64, &f64), &f64))| {
+        let change = p - before;
+        let direction = if change == 0.0 { 0.0 } else { change.signum() };
+        let row = Vector4::new(1.0, *p, direction, change / hint.dt_s);
+        (e.is_finite() && row.iter().all(|v| v.is_finite())).then(|| Reading { sample, row, residual_bar: e.clamp(-most_bar, most_bar) })
+    };
+    samples.filter_map(reading).collect()
+}
 }
 
 struct Shift {

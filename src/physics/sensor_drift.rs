@@ -52,6 +52,9 @@ impl Effect for SensorDrift {
         ];
         &PARAMETERS
     }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
+    }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         Block::pointwise(Zero { offset: theta[0], change: SlowChange::new(theta[1], context) })
     }

@@ -34,7 +34,7 @@ impl Effect for ThermalZero {
                 name: "offset",
                 unit: &PRESSURE,
                 range: (-2.0, 2.0),
-                starts: &[0.05, -0.05],
+                starts: &[0.05],
                 default: None,
                 meaning: "change of the zero per 10 K",
             },
@@ -51,6 +51,9 @@ impl Effect for ThermalZero {
     }
     fn needs(&self) -> Option<Channel> {
         Some(Channel::OilTemperature)
+    }
+    fn amplitude(&self) -> Option<usize> {
+        Some(0)
     }
     fn block(&self, theta: Theta<'_>, _: &Context) -> Block {
         Block::pointwise(Thermal { per_10_k: theta[0], reference_c: theta[1] })

@@ -1,0 +1,148 @@
+//! The search finds what is there: each effect that a diagnosis looks for, planted at three strengths, is fitted by the search
+//! as well as by a fit that begins at the truth.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rayon::prelude::*;
+
+use super::descent::Descent;
+use super::evidence::Evidence;
+use super::fit::{Fit, Fitter};
+use super::model::{Model, Simulator};
+use super::search;
+use crate::course::{Input, Run};
+use crate::physics::{EFFECTS, Effect, Kind, Pipeline, effect, signals, specification};
+use crate::valve::Valve;
+
+const NOISE_BAR: f64 = 0.03;
+/// A fit that begins at the truth may be better by so much [nats].
+const MISSED_NATS: f64 = 1.0;
+
+/// Of these, whose parameters stand in for one another, the search ends in another optimum at times [nats].
+const AT_TIMES: [(&str, f64); 2] = [("coil_heating", 4.0), ("fill_phase", 10.0)];
+
+fn allowed(id: &str) -> f64 {
+    AT_TIMES.iter().find(|(of, _)| *of == id).map_or(MISSED_NATS, |(_, nats)| *nats)
+}
+
+/// What is planted: an effect, and its parameters from faint to strong. None stands at a start of the search.
+const PLANTS: &[(&str, [&[f64]; 3])] = &[
+    ("transport_delay", [&[0.004], &[0.017], &[0.11]]),
+    ("coil_heating", [&[0.01, 35.0, 0.0], &[0.03, 110.0, 0.3], &[0.12, 25.0, 0.0]]),
+    ("reversal_dead_band", [&[0.004], &[0.013], &[0.06]]),
+    ("nonlocal_memory", [&[2.0, 0.02, 0.7], &[-8.0, 0.012, 0.3], &[20.0, 0.05, 1.2]]),
+    ("rate_dependent_hysteresis", [&[0.15, 1.0, 0.0, 0.02], &[0.5, 0.4, 0.004, 0.05], &[1.5, 0.7, 0.0, 0.2]]),
+    ("reference_drift", [&[0.003, 0.0, 2000.0], &[0.0, -0.25, 45.0], &[0.04, 0.3, 300.0]]),
+    ("reference_shift", [&[0.012, -0.1, 0.0, 0.0], &[0.0, 0.3, 23.4, 0.0], &[-0.06, 0.5, 0.0, 0.2]]),
+    ("leakage", [&[0.06, 1.0, 0.0], &[0.3, 1.5, 0.08], &[1.2, 2.2, 0.5]]),
+    ("thermal_gain", [&[0.002, 60.0], &[-0.008, 48.0], &[0.03, 60.0]]),
+    ("supply_saturation", [&[26.5, 0.02, 0.0, 1e6], &[21.3, 0.3, 0.0, 1e6], &[14.7, 0.05, 0.0, 1e6]]),
+    ("fill_phase", [&[1.0, 0.1, 0.0, 1.0, 0.0, 0.0], &[2.2, 0.35, 0.5, 1.0, 0.0, 0.0], &[3.7, 1.1, 0.3, 2.0, 0.3, 0.2]]),
+    ("flow_limit", [&[320.0, 180.0, 0.0], &[130.0, 70.0, 0.5], &[30.0, 55.0, 1.0]]),
+    ("first_order_lag", [&[0.006, 1.0], &[0.025, 0.6], &[0.2, 1.0]]),
+    ("oil_viscosity", [&[0.008, 0.5], &[0.04, 0.2], &[0.15, 0.7]]),
+    ("air_entrainment", [&[0.015, 2.0, 1.0], &[0.07, 1.4, 1.0], &[0.25, 1.7, 0.7]]),
+    ("second_order_resonance", [&[27.0, 0.5], &[7.2, 0.2], &[3.1, 0.06]]),
+    ("creep", [&[0.015, 1.7, 1.0], &[0.05, 6.0, 3.0], &[0.15, 0.45, 1.0]]),
+    ("sensor_lag", [&[0.006], &[0.027], &[0.3]]),
+    ("sensor_gain", [&[0.008], &[-0.03], &[0.12]]),
+    ("sensor_zero", [&[0.05], &[-0.3], &[1.3]]),
+    ("thermal_zero", [&[0.02, 60.0], &[-0.09, 52.0], &[0.4, 60.0]]),
+    ("sensor_drift", [&[0.05, 2000.0], &[-0.25, 50.0], &[1.5, 20.0]]),
+    ("periodic_disturbance", [&[43.7, 0.01, 0.008], &[0.41, 0.06, -0.05], &[11.13, -0.3, 0.2]]),
+];
+
+/// What is not planted: a course that no simulation follows for long, since with a trifle more of the band the spool slips elsewhere,
+/// and the free form, whose knots a fit solves for.
+const LEFT_OUT: [&str; 2] = ["stiction", "reference_shape"];
+
+fn valve() -> Valve {
+    let text = r#"
+        schema = "hil.valve/1"
+        name = "test"
+        current_limits = ["0 A", "1 A"]
+        hysteresis.hyperbolic.a = "0.8 bar^2"
+        delay = "23 ms"
+        lag = "5 ms"
+        floor = "0 bar"
+        [curve]
+        ascending = [-42.65, 92.5, -8.4, -2.03]
+        descending = [-40.01, 83.32, -1.3, -2.41]
+    "#;
+    Valve::from_toml(text, "test").unwrap()
+}
+
+/// 50 s of holds, ramps of several rates, steps, small sines and two visits to tank pressure, while the oil warms up and cools.
+fn drive() -> Run {
+    let levels = [0.45, 0.7, 0.15, 0.62, 0.55, 0.8, 0.35, 0.05, 0.66, 0.5];
+    let time_s: Vec<f64> = (0..5000).map(|k| f64::from(k) * 0.01).collect();
+    let of = |t: &f64| {
+        let k = (t / 5.0) as usize;
+        let (from, to) = (levels[k], levels[(k + 1) % levels.len()]);
+        let rise = [0.01, 0.15, 2.0][k % 3];
+        let wobble = if k % 3 == 1 { 0.03 * (std::f64::consts::TAU * 1.7 * t).sin() } else { 0.0 };
+        from + (to - from) * ((t - 5.0 * k as f64 - 1.5) / rise).clamp(0.0, 1.0) + wobble
+    };
+    let current_a: Vec<f64> = time_s.iter().map(of).collect();
+    let mut run = Run::even(None, 0.0, 0.01, current_a.clone(), current_a);
+    run.oil_temp_c = Some(time_s.iter().map(|t| 40.0 + 30.0 * (0.09 * t).sin()).collect());
+    run
+}
+
+/// The drive of a valve with this effect, its readings disturbed by noise.
+fn evidence(of: &dyn Effect, theta: &[f64], seed: u64) -> Evidence {
+    let mut planted = valve();
+    planted.effects.push(specification(of, theta));
+    let mut run = drive();
+    let (mut work, mut pressure) = (Vec::new(), Vec::new());
+    Pipeline::of(&planted).unwrap().run(0.0, run.dt_s, &signals(&run), &mut work, &mut pressure);
+    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+    let noise = Normal::new(0.0, NOISE_BAR).unwrap();
+    run.pressure_bar = pressure.iter().map(|p| p + noise.sample(&mut random)).collect();
+    Evidence::new(vec![run], NOISE_BAR, Input::Held)
+}
+
+/// What the search's fit of an effect is worse than one that begins at the truth [nats], and the effect's values in both; the gain
+/// of the latter over "recalibrate only" [nats].
+fn missed(of: &'static dyn Effect, truth: &[f64], seed: u64) -> (f64, f64, Vec<f64>, Vec<f64>) {
+    let evidence = evidence(of, truth, seed);
+    let valve = valve();
+    let base = Model::base(&valve).unwrap().on(&evidence);
+    let mut fitter = Fitter::new(&evidence);
+    let null = fitter.recalibrate(&base, &[]);
+    let model = base.with(of, 0.0);
+    let start = [base.calibrated().as_slice(), truth].concat();
+    let steps = Descent::of(30);
+    let best = fitter.polish_in(&mut Simulator::new(&evidence), &model, &start, steps);
+    fitter.tau_samples = search::correlation(&fitter, &best);
+    let mut pressure = Vec::new();
+    Simulator::new(&evidence).pressure(&null.model, &null.theta, &mut pressure);
+    let residual: Vec<f64> = fitter.measured.iter().zip(&pressure).map(|(y, p)| y - p).collect();
+    let begun = fitter.begin(search::screened(&fitter, &null, of, (&residual, &pressure), None));
+    let found = fitter.finish(begun, false);
+    let own = |fit: &Fit<'_>| fit.theta[fit.model.place(0)].to_vec();
+    (fitter.gain(&found, &best), fitter.gain(&null, &best), own(&found), own(&best))
+}
+
+#[test]
+fn every_effect_that_is_looked_for_is_planted() {
+    let looked_for = EFFECTS.iter().filter(|e| e.searched() && e.kind() == Kind::Course).map(|e| e.id());
+    let missing: Vec<&str> = looked_for.filter(|id| !LEFT_OUT.contains(id) && !PLANTS.iter().any(|p| p.0 == *id)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+#[test]
+fn the_search_fits_what_was_planted_as_well_as_a_fit_from_the_truth() {
+    let cases: Vec<(&'static dyn Effect, &[f64])> =
+        PLANTS.iter().flat_map(|(id, plants)| plants.iter().map(|theta| (effect(id).unwrap(), *theta))).collect();
+    let wrong: Vec<String> = cases
+        .par_iter()
+        .enumerate()
+        .filter_map(|(k, (of, truth))| {
+            let (nats, gain, found, best) = missed(*of, truth, k as u64);
+            (nats > allowed(of.id()))
+                .then(|| format!("{} {truth:?}: {nats:.1} of {gain:.0} nats missed at {found:?}, from the truth {best:?}", of.id()))
+        })
+        .collect();
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
+}
