@@ -1,5 +1,6 @@
 //! What is claimed of what was found: cause or form, lacking or changed, and how much may be left.
 
+use super::base::BASE;
 use super::conclude::Findings;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Finding};
@@ -117,7 +118,7 @@ impl Findings<'_, '_> {
             held(&theta) - as_chosen
         };
         // A form that explains both has always been so, also where another size of it would suit the record better.
-        let on_record: Option<Price<'_>> = if effect.imitates_form() { Some(&with) } else { None };
+        let on_record: Option<(Price<'_>, &[f64])> = if effect.imitates_form() { Some((&with, &chosen.theta[..BASE])) } else { None };
         let excluded = good.excludes(effect, theta, on_record) > self.fitter.criteria.excluded_nats;
         if excluded { Claim::Changed } else { Claim::Lacks }
     }

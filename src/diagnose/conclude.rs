@@ -250,7 +250,9 @@ impl<'a> Findings<'_, 'a> {
             .map(|k| {
                 let effect = chosen.model.effects[k];
                 let Weighed { without, share, rest, .. } = &self.weighed[k];
-                let (gain, interval, p_value) = chosen_held.gain_over(&held_out(fitter, without, 4));
+                let without = if effect.recalibrates() { &self.as_calibrated(k) } else { without };
+                let steps = if effect.recalibrates() { 0 } else { 4 };
+                let (gain, interval, p_value) = chosen_held.gain_over(&held_out(fitter, without, steps));
                 let parameters: BTreeMap<String, Estimate> = effect
                     .parameters()
                     .iter()
@@ -281,6 +283,14 @@ impl<'a> Findings<'_, 'a> {
                 )
             })
             .collect()
+    }
+
+    /// The chosen model without its effect number `k`, and nothing moved in its place.
+    fn as_calibrated(&self, k: usize) -> Fit<'a> {
+        let chosen = &self.search.chosen;
+        let mut theta = chosen.theta.clone();
+        theta.drain(chosen.model.place(k));
+        self.fitter.as_it_stands(&Fit { model: chosen.model.without(k), theta, ..chosen.clone() })
     }
 
     /// The second best candidate of the first round that led to an effect.
@@ -359,7 +369,7 @@ fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>, good: Option<&Good>) -> (
     let parameters = s.effect.parameters().iter().enumerate().map(estimate).collect();
     let finding = Finding {
         id: s.effect.id().into(),
-        claim: if good.is_some_and(|g| !g.scatter.contains(&s.effect.id())) { Claim::Changed } else { Claim::Lacks },
+        claim: if good.is_some_and(|g| !g.scatters(s.effect, &f.theta)) { Claim::Changed } else { Claim::Lacks },
         share: 1.0,
         is_class: false,
         parameters,

@@ -15,7 +15,7 @@ use super::scatter::{Scattered, scatter};
 use super::search::{recalibrated, search_in};
 use super::{comparable, start};
 use crate::course::{Course, Preparation};
-use crate::physics::Effect;
+use crate::physics::{Effect, Scatter};
 use crate::recording::Recording;
 use crate::valve::Valve;
 
@@ -167,6 +167,20 @@ impl Good {
         (self.worst_bar.powi(2) - self.evidence.noise_bar.powi(2)).max(0.0).sqrt()
     }
 
+    /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.
+    pub fn scatters(&self, effect: &dyn Effect, theta: &[f64]) -> bool {
+        let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return false };
+        let mut simulated = Vec::new();
+        Simulator::new(&self.evidence).pressure(&base, &base.calibrated(), &mut simulated);
+        let look = Scatter {
+            dt_s: self.evidence.step_s(),
+            noise_bar: self.evidence.noise_bar,
+            measured_bar: &self.measured,
+            simulated_bar: &simulated,
+        };
+        self.scatter.contains(&effect.id()) || effect.scatter_nats(theta, &look).is_some_and(|nats| nats > 0.0)
+    }
+
     /// That data as a search looks at it.
     fn fitter(&self) -> Fitter<'_> {
         match &self.short {
@@ -177,28 +191,31 @@ impl Good {
 
     /// How much that data speaks against an effect of the values `theta`, with which the record is explained [nats]; the base
     /// may make room for it. Where `on_record` gives the price on the record [nats] of other values of it, the cheapest
-    /// of the values between those that the record wants and those that this data wants.
-    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<Price<'_>>) -> f64 {
+    /// of the values between those that the record wants and those that this data wants; the base may then be the one that the
+    /// record has with it, too, at no price but that of this data, from which the calibration was made.
+    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<(Price<'_>, &[f64])>) -> f64 {
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return 0.0 };
         let fitter = self.fitter();
         let mut simulator = Simulator::new(fitter.evidence);
-        let mut nats = |model: &Model<'_>, start: &[f64], held: usize| -> (f64, Vec<f64>) {
+        let mut fit = |model: &Model<'_>, start: &[f64], held: usize| -> (f64, f64, Vec<f64>) {
             let fit = fitter.polish_in(&mut simulator, model, start, Descent { iterations: 6, held, rough: false });
-            (fitter.objective(&fit) * fitter.effective(), fit.theta)
+            let nats = fitter.objective(&fit) * fitter.effective();
+            (nats, nats - fit.prior_nats, fit.theta)
         };
         let start = base.calibrated();
-        let (without, _) = nats(&base, &start, 0);
+        let without = fit(&base, &start, 0);
         let model = base.with(effect, 0.0);
         let here = [start.as_slice(), theta].concat();
-        let own = nats(&model, &here, 1).0 - without;
-        let Some(on_record) = on_record else { return own };
-        let wanted = nats(&model, &here, 0).1.split_off(start.len());
+        let own = fit(&model, &here, 1);
+        let Some((on_record, recalibrated)) = on_record else { return own.0 - without.0 };
+        let wanted = fit(&model, &here, 0).2.split_off(start.len());
         let between = |share: f64| theta.iter().zip(&wanted).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
+        let as_recalibrated = fit(&model, &[recalibrated, theta].concat(), 1).1 - without.1;
         let price = |share: f64| {
             let values = between(share);
-            nats(&model, &[start.as_slice(), &values].concat(), 1).0 - without + on_record(&values)
+            fit(&model, &[start.as_slice(), &values].concat(), 1).0 - without.0 + on_record(&values)
         };
-        BETWEEN.map(price).into_iter().fold(own, f64::min)
+        BETWEEN.map(price).into_iter().fold((own.0 - without.0).min(as_recalibrated), f64::min)
     }
 }
 

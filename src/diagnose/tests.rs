@@ -230,6 +230,24 @@ fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
 }
 
 #[test]
+fn a_sensor_that_is_off_is_named_against_data_of_the_good_valve_only() {
+    for (id, theta) in [("sensor_gain", [0.04]), ("sensor_zero", [-0.5])] {
+        let mut off = valve();
+        off.effects.push(specification(effect(id).unwrap(), &theta));
+        let d = diagnose_against(&recording(&off), &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+        let first = d.effects.first().unwrap_or_else(|| panic!("{id}: {}", d.summary));
+        assert_eq!((first.id.as_str(), first.claim, d.effects.len()), (id, Claim::Changed, 1), "{}", d.summary);
+        let value = first.parameters[effect(id).unwrap().parameters()[0].name].value;
+        assert!((value / theta[0] - 1.0).abs() < 0.1, "{id}: {value}");
+        // Nothing moved in its place, so that the gain is seen on held-out data.
+        assert!(first.p_value < 0.01 && first.heldout_gain_bar > NOISE_BAR, "{id}: {} {}", first.p_value, first.heldout_gain_bar);
+        // Nobody knows how the sensor stood before.
+        let alone = diagnose(&recording(&off), &valve()).unwrap().diagnosis;
+        assert!(alone.effects.iter().all(|f| f.id != id), "{}", alone.summary);
+    }
+}
+
+#[test]
 fn noise_that_the_good_valve_did_not_have_is_no_excuse() {
     let mut rough = recording(&valve());
     let mut random = rand_pcg::Pcg64::seed_from_u64(12);

@@ -50,6 +50,10 @@ impl Effect for DelayJitter {
         }];
         &PARAMETERS
     }
+    fn scatter_nats(&self, theta: Theta<'_>, of: &Scatter<'_>) -> Option<f64> {
+        let spread_bar: Vec<f64> = slopes(of).map(|slope| theta[0] * slope.abs()).collect();
+        Some(nats(of, of.noise_bar, &spread_bar))
+    }
     /// The error over the slope of the pressure where it is steep: a time shift of its own for each message.
     fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
         let n = of.measured_bar.len();
@@ -66,10 +70,8 @@ impl Effect for DelayJitter {
         let noise_bar = of.noise_bar.max(1.4826 * *calm.select_nth_unstable_by(middle, f64::total_cmp).1);
         let steep = STEEP * noise_bar / 0.005;
         let mut shifts: Vec<(usize, f64)> = Vec::new();
-        let mut slopes = vec![0.0; n];
-        for (k, kept) in slopes.iter_mut().enumerate().take(n.saturating_sub(1)).skip(1) {
-            let slope = (of.simulated_bar[k + 1] - of.simulated_bar[k - 1]) / (2.0 * of.dt_s);
-            *kept = slope;
+        let slopes: Vec<f64> = slopes(of).collect();
+        for (k, slope) in slopes.iter().enumerate() {
             let error = of.measured_bar[k] - of.simulated_bar[k];
             if slope.abs() > steep && error.is_finite() {
                 shifts.push((k, -error / slope));
@@ -111,15 +113,7 @@ impl Effect for DelayJitter {
             return None;
         }
         let spread_bar: Vec<f64> = slopes.iter().map(|s| spread_s * s.abs()).collect();
-        let gain_nats = (0..n)
-            .filter(|k| of.measured_bar[*k].is_finite())
-            .map(|k| {
-                let (e2, v0) = ((of.measured_bar[k] - of.simulated_bar[k]).powi(2), noise_bar.powi(2));
-                let v1 = v0 + spread_bar[k].powi(2);
-                // Bounded, so that single events do not decide.
-                (0.5 * (e2.min(40.0 * v1) / v0 - e2.min(40.0 * v1) / v1 - (v1 / v0).ln())).min(50.0)
-            })
-            .sum::<f64>();
+        let gain_nats = nats(of, noise_bar, &spread_bar);
         (gain_nats > 20.0).then(|| ScatterFinding {
             theta: vec![spread_s],
             std_errors: vec![spread_s / (2.0 * shifts.len() as f64).sqrt()],
@@ -153,6 +147,26 @@ impl Effect for DelayJitter {
             }),
         }
     }
+}
+
+/// Slope of the simulated pressure at each sample [bar/s]; 0 at the ends.
+fn slopes(of: &Scatter<'_>) -> impl Iterator<Item = f64> {
+    let n = of.simulated_bar.len();
+    let inside = move |k: usize| k > 0 && k + 1 < n;
+    (0..n).map(move |k| if inside(k) { (of.simulated_bar[k + 1] - of.simulated_bar[k - 1]) / (2.0 * of.dt_s) } else { 0.0 })
+}
+
+/// What the readings say for errors that spread so much at each sample, beside the noise [nats].
+fn nats(of: &Scatter<'_>, noise_bar: f64, spread_bar: &[f64]) -> f64 {
+    (0..spread_bar.len())
+        .filter(|k| of.measured_bar[*k].is_finite())
+        .map(|k| {
+            let (e2, v0) = ((of.measured_bar[k] - of.simulated_bar[k]).powi(2), noise_bar.powi(2));
+            let v1 = v0 + spread_bar[k].powi(2);
+            // Bounded, so that single events do not decide.
+            (0.5 * (e2.min(40.0 * v1) / v0 - e2.min(40.0 * v1) / v1 - (v1 / v0).ln())).min(50.0)
+        })
+        .sum()
 }
 
 /// Share of the variance of the shifts that direction, pressure and slope of the movement explain.
@@ -221,8 +235,9 @@ const SMALLEST_BURST_S: f64 = 0.005;
 mod tests {
     use super::*;
 
-    /// Forty movements between 5 and 25 bar with rests between them, the measured pressure late by `late` [s] of the movement.
-    fn found(late: impl Fn(usize, f64) -> f64) -> bool {
+    /// Forty movements between 5 and 25 bar with rests between them, the measured pressure late by `late` [s] of the movement; what
+    /// `seen` sees of them.
+    fn look<T>(late: impl Fn(usize, f64) -> f64, seen: impl Fn(&Scatter<'_>) -> T) -> T {
         let level = |j: usize| 5.0 + ((j * 7) % 11) as f64 * 2.0;
         let at = |t: f64| {
             let j = (t / 2.0).max(0.0) as usize;
@@ -237,8 +252,19 @@ mod tests {
                 at(t - late((t / 2.0) as usize, simulated[k])) + noise(k)
             })
             .collect();
-        let look = Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar: &measured, simulated_bar: &simulated };
-        DelayJitter.scatter(&look).is_some()
+        seen(&Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar: &measured, simulated_bar: &simulated })
+    }
+
+    fn found(late: impl Fn(usize, f64) -> f64) -> bool {
+        look(late, |of| DelayJitter.scatter(of).is_some())
+    }
+
+    #[test]
+    fn what_scatters_as_much_speaks_for_a_jitter_of_that_size_and_what_hardly_does_against_it() {
+        let by_chance = |movement: usize, of_s: f64| if (movement * 2_654_435_761) % 97 < 40 { of_s } else { 0.0 };
+        let nats = |late_s: f64| look(|movement, _| by_chance(movement, late_s), |of| DelayJitter.scatter_nats(&[0.02], of));
+        assert!(nats(0.04).is_some_and(|nats| nats > 100.0), "{:?}", nats(0.04));
+        assert!(nats(0.004).is_some_and(|nats| nats < -100.0), "{:?}", nats(0.004));
     }
 
     /// Mean lateness [s] of steps held for 50 ms, sampled every `dt_s`.

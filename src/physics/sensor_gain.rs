@@ -28,8 +28,8 @@ impl Effect for SensorGain {
     fn stage(&self) -> Stage {
         Stage::Sensor
     }
-    fn searched(&self) -> bool {
-        false
+    fn recalibrates(&self) -> bool {
+        true
     }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 1] = [Parameter {

@@ -27,8 +27,8 @@ impl Effect for SensorZero {
     fn stage(&self) -> Stage {
         Stage::Sensor
     }
-    fn searched(&self) -> bool {
-        false
+    fn recalibrates(&self) -> bool {
+        true
     }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 1] = [Parameter {
