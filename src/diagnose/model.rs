@@ -74,9 +74,6 @@ const LONGEST_PROCESS: f64 = 60.0;
 /// The step with which valves are recorded [s].
 pub const VALVE_STEP_S: f64 = 0.01;
 
-/// A recording of which nothing is known yet.
-const USUAL: Sampling = Sampling { length_s: 60.0, step_s: VALVE_STEP_S };
-
 /// The lag that coil, spool and hold usually have, and its spread [s].
 const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 
@@ -125,7 +122,7 @@ impl<'a> Model<'a> {
             slowness: 1.0,
             foreign_step_s: None,
             form_error_bar: 0.0,
-            sampling: USUAL,
+            sampling: Sampling { length_s: 60.0, step_s: VALVE_STEP_S },
         })
     }
 
