@@ -179,7 +179,6 @@ fn readings(hint: &Hint<'_>) -> Vec<Reading> {
     };
     samples.filter_map(reading).collect()
 }
-}
 
 struct Shift {
     gain: f64,
