@@ -124,7 +124,9 @@ const NEXT: f64 = 0.01;
 const AT_ONCE: f64 = 0.5;
 /// By how much it must exceed every other change between neighbouring stretches of that length: a model that errs with the movement
 /// has many.
-const ALONE: f64 = 2.0;
+const ALONE: f64 = 1.5;
+/// Up to this share of the span above the lowest pressure a valve may stand at tank pressure, where no change of its zero shows.
+const TANK: f64 = 0.01;
 
 /// A reading: its sample, what its residual may be made of, and the residual [bar].
 struct Reading {
@@ -156,26 +158,43 @@ fn best_instant(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
     let change = second - first;
     // Against the line before: how far the readings just behind are from those just ahead, and how far both lines say they are.
     let next = ((NEXT * readings.len() as f64) as usize).clamp(5, least);
-    let mean = |of: &[Reading], value: &dyn Fn(&Reading) -> f64| of.iter().map(value).sum::<f64>() / of.len() as f64;
+    // A transient of a few readings is no level.
+    let level = |of: &[Reading], value: &dyn Fn(&Reading) -> f64| {
+        let mut values: Vec<f64> = of.iter().map(value).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
     let over_first = |r: &Reading| r.residual_bar - first.dot(&r.row);
-    let came = mean(&readings[at..at + next], &over_first) - mean(&readings[at - next..at], &over_first);
-    let said = mean(&readings[at..at + next], &|r| change[0] + change[1] * r.row[1]);
-    let levels: Vec<f64> = readings.chunks_exact(next).map(|chunk| mean(chunk, &over_first)).collect();
-    let elsewhere = levels.windows(2).enumerate().filter(|(w, _)| ((w + 1) * next).abs_diff(at) > next).map(|(_, l)| (l[1] - l[0]).abs());
-    let alone = came.abs() > ALONE * elsewhere.fold(0.0, f64::max);
+    let came = level(&readings[at..at + next], &over_first) - level(&readings[at - next..at], &over_first);
+    let said = level(&readings[at..at + next], &|r| change[0] + change[1] * r.row[1]);
+    // Elsewhere each side has its own line.
+    let over_own = |r: &Reading| r.residual_bar - if r.sample < readings[at].sample { first } else { second }.dot(&r.row);
+    let chunks: Vec<&[Reading]> = readings.chunks_exact(next).collect();
+    // Neighbours in time, apart from the instant.
+    let side_by_side = |w: &&[&[Reading]]| w[1][next - 1].sample - w[0][0].sample < 3 * next;
+    let apart = |w: &&[&[Reading]]| w[1][0].sample.abs_diff(readings[at].sample) > next;
+    let change_of = |w: &[&[Reading]]| (level(w[1], &over_own) - level(w[0], &over_own)).abs();
+    let elsewhere = chunks.windows(2).filter(side_by_side).filter(apart).map(change_of).fold(0.0, f64::max);
+    let alone = came.abs() > ALONE * elsewhere;
     let from_s = hint.start_s + (readings[at].sample as f64 - 0.5) * hint.dt_s;
     (alone && came * said > AT_ONCE * said * said).then_some((from_s, change[1], change[0]))
 }
 
 fn readings(hint: &Hint<'_>) -> Vec<Reading> {
     let most_bar = 5.0 * hint.scale_bar;
+    let (lowest, highest) = hint.pressure_bar.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+    let tank_bar = lowest + TANK * (highest - lowest);
     let before = hint.pressure_bar.iter().take(1).chain(hint.pressure_bar);
     let samples = hint.pressure_bar.iter().zip(before).zip(hint.residual_bar).enumerate();
     let reading = |(sample, ((p, before), e)): (usize, ((&f64, &f64), &f64))| {
         let change = p - before;
         let direction = if change == 0.0 { 0.0 } else { change.signum() };
         let row = Vector4::new(1.0, *p, direction, change / hint.dt_s);
-        (e.is_finite() && row.iter().all(|v| v.is_finite())).then(|| Reading { sample, row, residual_bar: e.clamp(-most_bar, most_bar) })
+        (*p >= tank_bar && e.is_finite() && row.iter().all(|v| v.is_finite())).then(|| Reading {
+            sample,
+            row,
+            residual_bar: e.clamp(-most_bar, most_bar),
+        })
     };
     samples.filter_map(reading).collect()
 }
