@@ -1,6 +1,8 @@
 //! What data of the good valve says: how the model has to be corrected where nothing is wrong, how far it is off even
 //! then, and which effects that data excludes.
 
+use std::path::Path;
+
 use super::base::AT;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
@@ -17,7 +19,7 @@ use super::{comparable, start};
 use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Scatter};
 use crate::recording::Recording;
-use crate::valve::Valve;
+use crate::valve::{Identification, Valve};
 
 /// What values of an effect cost on the record [nats].
 pub type Price<'p> = &'p dyn Fn(&[f64]) -> f64;
@@ -26,6 +28,8 @@ pub type Price<'p> = &'p dyn Fn(&[f64]) -> f64;
 pub struct Good {
     /// The recordings, by name.
     pub names: Vec<String>,
+    /// Whether it is the one recording that the model was identified from, and nobody has driven the valve besides.
+    pub is_identification: bool,
     /// Their data.
     pub evidence: Evidence,
     /// The model corrected by what that data shows to be missing.
@@ -159,7 +163,23 @@ impl Good {
         if let Some(base) = &mut evidence.base {
             base.read_as(base.recalibration(&theta));
         }
-        Ok(Self { names, valve: corrected, corrections, scatter: seen, short, measured, tau_samples, rmse_bar, worst_bar, evidence })
+        let sources = valve.identification.iter().flat_map(Identification::sources);
+        let identified: Vec<&str> = sources.map(|(name, _)| name).collect();
+        let file = |name: &String| Path::new(name).file_name().is_some_and(|file| identified == [file.to_string_lossy()]);
+        let is_identification = names.len() == 1 && names.iter().all(file);
+        Ok(Self {
+            names,
+            is_identification,
+            valve: corrected,
+            corrections,
+            scatter: seen,
+            short,
+            measured,
+            tau_samples,
+            rmse_bar,
+            worst_bar,
+            evidence,
+        })
     }
 
     /// How far the corrected model is off where nothing is wrong, beyond the noise of the good valve's data [bar].
