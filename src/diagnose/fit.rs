@@ -1,5 +1,6 @@
 //! A fit, and what it is judged by.
 
+use super::base::AT;
 use super::criteria::Criteria;
 use super::evidence::Evidence;
 use super::loss;
@@ -33,6 +34,12 @@ impl Fit<'_> {
     pub fn bic(&self, effective: f64) -> f64 {
         let nats = 0.5 * (self.mean_nats + self.rmse_bar.ln());
         2.0 * (nats * effective + self.prior_nats - self.model.signature_nats()) + self.model.extra_parameters() as f64 * effective.ln()
+    }
+
+    /// What it costs that gain and zero are not as calibrated [nats].
+    pub fn recalibration_nats(&self) -> f64 {
+        let free = self.model.free();
+        [AT.gain, AT.offset].iter().filter_map(|k| free[*k].prior.map(|p| p.nats(self.theta[*k]))).sum()
     }
 
     /// Whether a parameter of the last effect that it cannot do without has ended at the edge of its range.

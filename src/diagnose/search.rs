@@ -168,9 +168,10 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
         let stood_in = (!fitter.squared || recalibrates) && less.prior_nats - fit.prior_nats > 0.5 * fitter.criteria.very_strong;
         let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
         // Beside a cause that was found, a recalibration that does as well is the plainer answer; beside a form alone it is none where
-        // it goes beyond what calibration allows.
+        // gain or zero would go beyond what calibration allows.
         let beside_cause = fit.model.effects[..k].iter().any(|e| !e.imitates_form());
-        if k > 0 && !signed && (beside_cause || !stood_in) && gain < fitter.criteria.worth * without.rmse_bar() {
+        let shifted = less.recalibration_nats() - fit.recalibration_nats() > 0.5 * fitter.criteria.very_strong;
+        if k > 0 && !signed && (beside_cause || !shifted) && gain < fitter.criteria.worth * without.rmse_bar() {
             fit = less;
             continue;
         }
