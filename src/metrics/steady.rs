@@ -78,7 +78,7 @@ mod tests {
         let whole = SteadyOffset { window: Time::new(columns.time_s[299]) };
         assert!((whole.compute(&columns.segment(0.02)).unwrap() - (199.0 * -15.0 + 100.0 * -0.2) / 299.0).abs() < 1e-9);
         let mut late = columns.segment(0.02);
-        late.repetitions = vec![100..300];
+        late.repetitions[0] = 100..300;
         let of = |window| SteadyOffset { window: Time::new(window) }.compute(&late);
         assert_eq!((of(1.9).is_ok(), of(2.5)), (true, Err(NotMeasurable::TooShort { window_s: 2.5 })));
         let long = SteadyOffset { window: Time::new(5.0) };

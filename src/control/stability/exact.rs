@@ -213,7 +213,7 @@ mod tests {
     #[test]
     fn the_boundary_of_a_pure_delay() {
         let found = boundary(&LoopPlant { gain_bar_per_ma: 1.0, lag_s: 0.0, delay_s: 1.0 }, 4);
-        let wanted = [(0.0, 1.570_796_327), (0.5, 1.813_799_364), (0.866_025_404, 1.308_996_939), (1.0, 0.0)];
+        let wanted = [(0.0, std::f64::consts::FRAC_PI_2), (0.5, 1.813_799_364), (0.866_025_404, 1.308_996_939), (1.0, 0.0)];
         assert!(found.iter().zip(wanted).all(|(f, w)| (f.0 - w.0).abs() < 1e-8 && (f.1 - w.1).abs() < 1e-8), "{found:?}");
         assert_eq!(found.len(), 4);
         // With a lag: K_P alone, 1 / k at the frequency of which atan(w) + w = pi.
