@@ -47,16 +47,18 @@ impl Findings<'_, '_> {
     ///
     /// Without data of the good valve, what acts as another form of the loop would is form; not about a foreign model, whose
     /// loop nobody fitted to this valve. With it, so is all that this data does not exclude: the model lacks it, and always did. But
-    /// where nobody has driven the good valve besides the one recording of the identification, what a dynamic lacks is told as a lack:
-    /// a sweep shows next to nothing of it, and the model is off all the same.
+    /// where nobody has driven the good valve besides the one recording of the identification, what a dynamic lacks is told as a lack
+    /// if the model with it follows the record down to the noise: a sweep shows next to nothing of it, and the model is off all the same.
     pub fn sorted(&self, findings: Vec<(f64, Finding)>) -> (Vec<Finding>, Vec<Finding>) {
+        let (fitter, chosen) = (self.fitter, &self.search.chosen);
+        let follows = chosen.rmse_bar <= fitter.criteria.structure_named * fitter.evidence.noise_bar;
         findings.into_iter().map(|f| f.1).partition(|f| {
             let of = |is: fn(&dyn Effect) -> bool| effect(&f.id).is_some_and(is);
             match self.good {
                 None if self.fitter.evidence.base.is_some() => of(|e| e.kind() == Kind::Form),
                 None => of(|e| e.imitates_form()),
                 Some(_) if of(|e| e.kind() == Kind::Form) => true,
-                Some(good) => f.claim == Claim::Lacks && (of(|e| e.imitates_form()) || !good.is_identification),
+                Some(good) => f.claim == Claim::Lacks && (of(|e| e.imitates_form()) || !good.is_identification || !follows),
             }
         })
     }
