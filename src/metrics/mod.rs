@@ -18,9 +18,6 @@ mod steady;
 mod step;
 mod tracking;
 
-#[cfg(test)]
-mod names;
-
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
@@ -358,6 +355,9 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0u64), |(s, n), v| (s + v * v, n + 1));
     (sum / count as f64).sqrt()
 }
+
+#[cfg(test)]
+mod names;
 
 #[cfg(test)]
 pub(crate) mod tests {

@@ -10,9 +10,6 @@ pub mod routh;
 pub mod sampled;
 mod search;
 
-#[cfg(test)]
-mod laws;
-
 pub use margins::{Margins, StabilityError, margins};
 
 /// The plant that the loop is closed around: gain, lag and delay.
@@ -47,3 +44,6 @@ pub struct FrequencyMargins {
     /// Whether the closed loop is stable.
     pub stable: bool,
 }
+
+#[cfg(test)]
+mod laws;
