@@ -57,8 +57,8 @@ fn drive(valve: &Valve) -> String {
 }
 
 #[test]
-fn a_lag_is_named_shown_and_planned_for() {
-    let bench = Bench::new("[[effect]]\nfirst_order_lag = { tau = \"60 ms\" }");
+fn a_drift_is_named_shown_and_planned_for() {
+    let bench = Bench::new("[[effect]]\nsensor_drift = { offset = \"0.4 bar\", tau = \"20 s\" }");
     let arguments = ["diagnose", "drive.csv", "--model", "valve.toml", "-o", "augmented.toml", "--report", "page.html"];
     let more = ["--next-plan", "next.toml", "--format", "json", "--fail-on", "mismatch"];
     let out = bench.hil(&[&arguments[..], &more].concat()).code(1);
@@ -72,7 +72,7 @@ fn a_lag_is_named_shown_and_planned_for() {
     assert_eq!(json["verdict"], "explained", "{json:#}");
     let first = &json["effects"][0];
     let named = [first["id"].as_str().unwrap(), first["indistinguishable"][0].as_str().unwrap_or_default()];
-    assert!(named.contains(&"first_order_lag"), "{named:?}");
+    assert!(named.contains(&"sensor_drift"), "{named:?}");
     for key in ["parameters", "claim", "share", "class", "heldout_gain_bar", "heldout_gain_ci_bar", "p_value", "evidence"] {
         assert!(first.get(key).is_some(), "no key `effects[0].{key}`");
     }
@@ -84,6 +84,19 @@ fn a_lag_is_named_shown_and_planned_for() {
     bench.hil(&["simulate", "drive.csv", "--model", "augmented.toml", "-o", "out.csv"]).success();
     assert!(json["next_experiment"]["separation_sigma"].as_f64().unwrap() > 0.0);
     bench.hil(&["check", "next.toml", "augmented.toml"]).success();
+}
+
+/// One lag acts before the other, and after a curve that is nearly straight no current tells them apart.
+#[test]
+fn a_lag_that_no_experiment_tells_from_another_one_is_named_with_it_and_needs_no_plan() {
+    let bench = Bench::new("[[effect]]\nfirst_order_lag = { tau = \"60 ms\" }");
+    let out = bench.hil(&["diagnose", "drive.csv", "--model", "valve.toml", "--next-plan", "next.toml", "--format", "json"]);
+    let json: Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
+    let first = &json["effects"][0];
+    let mut named = [first["id"].as_str().unwrap(), first["indistinguishable"][0].as_str().unwrap()];
+    named.sort_unstable();
+    assert_eq!(named, ["first_order_lag", "sensor_lag"]);
+    assert!(json["next_experiment"].is_null() && !bench.at("next.toml").exists(), "{json:#}");
 }
 
 #[test]
