@@ -158,6 +158,7 @@ fn on_evidence(
     let short = excerpt::excerpt(&fitter, &base);
     let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
     let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);
+    start::drop_denied(&fitter, &mut search, &unsettled);
     let mut hollow = hollow::drop_hollow(&fitter, &mut search, good.is_some());
     hollow.extend(hollow::drop_hollow_scatter(&fitter, &search, &mut scattered));
     // What only the scatter shows is looked for about the best course.
