@@ -250,8 +250,9 @@ impl<'a> Findings<'_, 'a> {
             .map(|k| {
                 let effect = chosen.model.effects[k];
                 let Weighed { without, share, rest, .. } = &self.weighed[k];
-                let without = if effect.recalibrates() { &self.as_calibrated(k) } else { without };
-                let steps = if effect.recalibrates() { 0 } else { 4 };
+                // What a recalibration does as well is held against the model with nothing moved in its place.
+                let as_calibrated = effect.recalibrates().then(|| fitter.as_it_stands(&chosen.without(k)));
+                let (without, steps) = as_calibrated.as_ref().map_or((without, 4), |fit| (fit, 0));
                 let (gain, interval, p_value) = chosen_held.gain_over(&held_out(fitter, without, steps));
                 let parameters: BTreeMap<String, Estimate> = effect
                     .parameters()
@@ -283,14 +284,6 @@ impl<'a> Findings<'_, 'a> {
                 )
             })
             .collect()
-    }
-
-    /// The chosen model without its effect number `k`, and nothing moved in its place.
-    fn as_calibrated(&self, k: usize) -> Fit<'a> {
-        let chosen = &self.search.chosen;
-        let mut theta = chosen.theta.clone();
-        theta.drain(chosen.model.place(k));
-        self.fitter.as_it_stands(&Fit { model: chosen.model.without(k), theta, ..chosen.clone() })
     }
 
     /// The second best candidate of the first round that led to an effect.

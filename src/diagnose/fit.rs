@@ -29,6 +29,13 @@ pub struct Fit<'a> {
 }
 
 impl Fit<'_> {
+    /// It without effect number `k`, and nothing moved in its place; not judged anew.
+    pub fn without(&self, k: usize) -> Self {
+        let mut theta = self.theta.clone();
+        theta.drain(self.model.place(k));
+        Self { model: self.model.without(k), theta, ..self.clone() }
+    }
+
     /// BIC on `effective` samples, the mean of two likelihoods: the t, which rare events move little, and the normal,
     /// which they move most. An effect of events shows in the second, one of the course in both.
     pub fn bic(&self, effective: f64) -> f64 {

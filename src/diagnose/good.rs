@@ -140,9 +140,8 @@ impl Good {
         let errors = fitter.standard_errors(&chosen);
         let corrections = (0..chosen.model.effects.len())
             .map(|k| {
-                let mut start = chosen.theta.clone();
-                start.drain(chosen.model.place(k));
-                let without = fitter.polish(&chosen.model.without(k), &start, 4);
+                let less = chosen.without(k);
+                let without = fitter.polish(&less.model, &less.theta, 4);
                 Correction {
                     effect: chosen.model.effects[k],
                     parameters: chosen.model.place(k).map(|j| (chosen.theta[j], errors[j])).collect(),
@@ -189,6 +188,9 @@ impl Good {
 
     /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.
     pub fn scatters(&self, effect: &dyn Effect, theta: &[f64]) -> bool {
+        if self.scatter.contains(&effect.id()) {
+            return true;
+        }
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return false };
         let mut simulated = Vec::new();
         Simulator::new(&self.evidence).pressure(&base, &base.calibrated(), &mut simulated);
@@ -198,7 +200,7 @@ impl Good {
             measured_bar: &self.measured,
             simulated_bar: &simulated,
         };
-        self.scatter.contains(&effect.id()) || effect.scatter_nats(theta, &look).is_some_and(|nats| nats > 0.0)
+        effect.scatter_nats(theta, &look).is_some_and(|nats| nats > 0.0)
     }
 
     /// That data as a search looks at it.
@@ -213,29 +215,29 @@ impl Good {
     /// may make room for it. Where `on_record` gives the price on the record [nats] of other values of it, the cheapest
     /// of the values between those that the record wants and those that this data wants; the base may then be the one that the
     /// record has with it, too, at no price but that of this data, from which the calibration was made.
-    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<(Price<'_>, &[f64])>) -> f64 {
+    pub fn excludes<'a>(&'a self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<(Price<'_>, &[f64])>) -> f64 {
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return 0.0 };
         let fitter = self.fitter();
         let mut simulator = Simulator::new(fitter.evidence);
-        let mut fit = |model: &Model<'_>, start: &[f64], held: usize| -> (f64, f64, Vec<f64>) {
-            let fit = fitter.polish_in(&mut simulator, model, start, Descent { iterations: 6, held, rough: false });
-            let nats = fitter.objective(&fit) * fitter.effective();
-            (nats, nats - fit.prior_nats, fit.theta)
+        let nats = |fit: &Fit<'_>| fitter.objective(fit) * fitter.effective();
+        let mut fit = |model: &Model<'a>, start: &[f64], held: usize| {
+            fitter.polish_in(&mut simulator, model, start, Descent { iterations: 6, held, rough: false })
         };
         let start = base.calibrated();
         let without = fit(&base, &start, 0);
         let model = base.with(effect, 0.0);
         let here = [start.as_slice(), theta].concat();
-        let own = fit(&model, &here, 1);
-        let Some((on_record, recalibrated)) = on_record else { return own.0 - without.0 };
-        let wanted = fit(&model, &here, 0).2.split_off(start.len());
+        let own = nats(&fit(&model, &here, 1)) - nats(&without);
+        let Some((on_record, recalibrated)) = on_record else { return own };
+        let wanted = fit(&model, &here, 0).theta.split_off(start.len());
         let between = |share: f64| theta.iter().zip(&wanted).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
-        let as_recalibrated = fit(&model, &[recalibrated, theta].concat(), 1).1 - without.1;
+        let by_data = |fit: &Fit<'_>| nats(fit) - fit.prior_nats;
+        let as_recalibrated = by_data(&fit(&model, &[recalibrated, theta].concat(), 1)) - by_data(&without);
         let price = |share: f64| {
             let values = between(share);
-            fit(&model, &[start.as_slice(), &values].concat(), 1).0 - without.0 + on_record(&values)
+            nats(&fit(&model, &[start.as_slice(), &values].concat(), 1)) - nats(&without) + on_record(&values)
         };
-        BETWEEN.map(price).into_iter().fold((own.0 - without.0).min(as_recalibrated), f64::min)
+        BETWEEN.map(price).into_iter().fold(own.min(as_recalibrated), f64::min)
     }
 }
 

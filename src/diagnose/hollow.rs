@@ -29,9 +29,7 @@ pub fn drop_hollow(fitter: &Fitter<'_>, search: &mut Search<'_>, of_form: bool) 
             stays = Some((fit.clone(), dropped.len()));
         }
         dropped.push(fit.model.effects[k].id());
-        let mut start = fit.theta.clone();
-        start.drain(fit.model.place(k));
-        fit = fitter.refit(&fit.model.without(k), &start);
+        fit = fitter.refit_without(&fit, k);
     }
     let (chosen, count) = stays.unwrap_or((fit, dropped.len()));
     dropped.truncate(count);

@@ -57,19 +57,7 @@ const PLANTS: &[(&str, [&[f64]; 3])] = &[
 const LEFT_OUT: [&str; 2] = ["stiction", "reference_shape"];
 
 fn valve() -> Valve {
-    let text = r#"
-        schema = "hil.valve/1"
-        name = "test"
-        current_limits = ["0 A", "1 A"]
-        hysteresis.hyperbolic.a = "0.8 bar^2"
-        delay = "23 ms"
-        lag = "5 ms"
-        floor = "0 bar"
-        [curve]
-        ascending = [-42.65, 92.5, -8.4, -2.03]
-        descending = [-40.01, 83.32, -1.3, -2.41]
-    "#;
-    Valve::from_toml(text, "test").unwrap()
+    Valve { lag_s: 0.005, ..crate::physics::tests::valve(Vec::new()) }
 }
 
 /// 50 s of holds, ramps of several rates, steps, small sines and two visits to tank pressure, while the oil warms up and cools.

@@ -193,9 +193,15 @@ impl Fitter<'_> {
         fit
     }
 
-    /// Refits a model from a vector, for instance after an effect was taken out.
+    /// Refits a model from a vector.
     pub fn refit<'a>(&self, model: &Model<'a>, start: &[f64]) -> Fit<'a> {
         self.polish(model, start, 18)
+    }
+
+    /// A fit refitted without its effect number `k`.
+    pub fn refit_without<'a>(&self, fit: &Fit<'a>, k: usize) -> Fit<'a> {
+        let less = fit.without(k);
+        self.refit(&less.model, &less.theta)
     }
 
     /// "Recalibrate only": the base parameters free, from several starts, the same effort as a candidate gets.

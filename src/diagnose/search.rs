@@ -146,9 +146,7 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
     let mut k = fit.model.effects.len();
     while k > 0 {
         k -= 1;
-        let mut start = fit.theta.clone();
-        start.drain(fit.model.place(k));
-        let less = fitter.refit(&fit.model.without(k), &start);
+        let less = fitter.refit_without(&fit, k);
         if anew && less.bic(effective) < fit.bic(effective) + fitter.criteria.very_strong {
             fit = less;
             continue;
@@ -356,10 +354,7 @@ fn worth(fitter: &Fitter<'_>, incumbent: &Fit<'_>, next: &Fit<'_>) -> bool {
 
 /// RMS of what effect number `k` of a fit does to the pressure, all else equal [bar].
 pub fn own_rms(fitter: &Fitter<'_>, fit: &Fit<'_>, k: usize) -> f64 {
-    let mut theta = fit.theta.clone();
-    theta.drain(fit.model.place(k));
-    let without = Fit { model: fit.model.without(k), theta, ..fit.clone() };
-    explained_rms(fitter, &without, fit)
+    explained_rms(fitter, &fit.without(k), fit)
 }
 
 /// RMS of what the two models differ by, where there is data [bar].
@@ -379,10 +374,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
     let mut k = 0;
     while fit.model.effects.len() > 1 && k < fit.model.effects.len() - 1 {
         // Without it.
-        let less_model = fit.model.without(k);
-        let mut start = fit.theta.clone();
-        start.drain(fit.model.place(k));
-        let less = fitter.refit(&less_model, &start);
+        let less = fitter.refit_without(&fit, k);
         if less.bic(effective) < fit.bic(effective) + fitter.criteria.very_strong * 0.5 {
             fit = less;
             continue;
@@ -396,7 +388,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
         let swapped: Vec<Fit<'a>> = rivals
             .into_par_iter()
             .filter(|e| !fit.model.effects.iter().any(|have| have.id() == e.id()))
-            .map(|e| fitter.fit_new(&less_model.with(e, 0.0), &less, &[]))
+            .map(|e| fitter.fit_new(&less.model.with(e, 0.0), &less, &[]))
             .collect();
         if let Some(better) = swapped.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)))
             && better.bic(effective) < fit.bic(effective) - fitter.criteria.very_strong

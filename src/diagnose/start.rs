@@ -67,11 +67,8 @@ pub fn drop_denied(fitter: &Fitter<'_>, search: &mut Search<'_>, unsettled: &[us
     let mut k = if unsettled.is_empty() { 0 } else { search.chosen.model.effects.len() };
     while k > 0 {
         k -= 1;
-        let chosen = &search.chosen;
-        let mut start = chosen.theta.clone();
-        start.drain(chosen.model.place(k));
-        let less = fitter.refit(&chosen.model.without(k), &start);
-        if mean_square(chosen) > WORSE * WORSE * mean_square(&less) {
+        let less = fitter.refit_without(&search.chosen, k);
+        if mean_square(&search.chosen) > WORSE * WORSE * mean_square(&less) {
             search.chosen = less;
         }
     }

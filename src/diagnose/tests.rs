@@ -12,18 +12,7 @@ use crate::valve::{Identification, Input};
 const NOISE_BAR: f64 = 0.03;
 
 fn valve() -> Valve {
-    let text = r#"
-        schema = "hil.valve/1"
-        name = "test"
-        current_limits = ["0 A", "1 A"]
-        hysteresis.hyperbolic.a = "0.8 bar^2"
-        delay = "23 ms"
-        floor = "0 bar"
-        [curve]
-        ascending = [-42.65, 92.5, -8.4, -2.03]
-        descending = [-40.01, 83.32, -1.3, -2.41]
-    "#;
-    Valve::from_toml(text, "test").unwrap()
+    Valve { lag_s: 0.0, ..crate::physics::tests::valve(Vec::new()) }
 }
 
 /// 60 s of holds, ramps, steps, small sines and two visits to tank pressure.

@@ -16,10 +16,10 @@ const NEAR: f64 = 0.35;
 const MOST_FITTED: usize = 6;
 
 impl<'a> Findings<'_, 'a> {
-    /// The chosen model without its effect number `k`: refitted from `theta`, or as it stood in the search if that is better.
-    fn without(&self, k: usize, theta: &[f64]) -> Fit<'a> {
+    /// The chosen model without its effect number `k`: refitted, or as it stood in the search if that is better.
+    fn without(&self, k: usize) -> Fit<'a> {
         let effective = self.fitter.effective();
-        let refitted = self.fitter.refit(&self.search.chosen.model.without(k), theta);
+        let refitted = self.fitter.refit_without(&self.search.chosen, k);
         let names = |fit: &Fit<'_>| fit.model.effects.iter().map(|e| e.id()).collect::<std::collections::BTreeSet<_>>();
         let wanted = names(&refitted);
         let rounds = if self.looking.is_some() { &[] } else { self.search.rounds.as_slice() };
@@ -48,11 +48,7 @@ impl<'a> Findings<'_, 'a> {
         // Its rivals are fitted to what the search has looked at, and so is it.
         let refitted = self.looking.map(|looking| looking.refit(&chosen.model, &chosen.theta));
         let there = refitted.as_ref().unwrap_or(chosen);
-        let of = |k: usize| {
-            let mut theta = chosen.theta.clone();
-            theta.drain(chosen.model.place(k));
-            self.rivals(k, there, self.without(k, &theta))
-        };
+        let of = |k: usize| self.rivals(k, there, self.without(k));
         (0..chosen.model.effects.len()).into_par_iter().map(of).collect()
     }
 

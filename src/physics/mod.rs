@@ -112,4 +112,4 @@ pub fn effect(id: &str) -> Option<&'static dyn Effect> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

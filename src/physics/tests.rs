@@ -3,7 +3,8 @@
 use super::*;
 use crate::valve::{Input, Valve};
 
-fn valve(effects: Vec<crate::valve::EffectSpec>) -> Valve {
+/// A valve like the paper's, with these effects.
+pub(crate) fn valve(effects: Vec<crate::valve::EffectSpec>) -> Valve {
     let text = r#"
         schema = "hil.valve/1"
         name = "test"
