@@ -104,13 +104,17 @@ fn fuzz(name: &str) {
             );
         };
         assert!(one.elapsed() < Duration::from_secs(10), "{name}: {:?} for one input", one.elapsed());
+        if peak() >= 1 << 30 {
+            let kept = std::env::temp_dir().join(format!("hil-fuzz-{name}-{seed}-{count}"));
+            std::fs::write(&kept, &input).unwrap();
+            panic!("{name}: {} bytes of memory for one input, seed {seed}, kept as {}", peak(), kept.display());
+        }
         // Messages without their numbers and names tell the places of the reader apart.
         let shape: String = answer.unwrap_or_default().chars().filter(|c| c.is_ascii_lowercase() || *c == ' ').take(200).collect();
         if corpus.len() < 4000 && input.len() < 100_000 && known.insert(shape) {
             corpus.push(input);
         }
     }
-    assert!(peak() < 1 << 30, "{name}: {} bytes of memory", peak());
     println!("{name:<16} {count:>9} inputs, {:>4} kinds of answers, 0 panics, peak {} MB", known.len(), peak() >> 20);
 }
 

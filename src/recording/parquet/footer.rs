@@ -1,6 +1,6 @@
 //! Opening a file: what its footer claims is held against what it can hold, before the library makes room for it.
 //!
-//! Source: Apache Parquet, parquet.thrift (FileMetaData, SchemaElement); Apache Thrift, thrift-compact-protocol.md.
+//! Source: Apache Parquet, parquet.thrift (FileMetaData, SchemaElement).
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -8,6 +8,8 @@ use std::path::Path;
 
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
+use super::compact::Compact;
+use super::pages::Opened;
 use crate::recording::{MOST_VALUES, RecordingError};
 
 /// Most bytes of a footer: a hundred thousand row groups of ten channels need about as many.
@@ -19,19 +21,26 @@ const SCHEMA: i64 = 2;
 const CHILDREN: i64 = 5;
 
 /// Opens a file.
-pub fn open(path: &Path, file: &str) -> Result<SerializedFileReader<File>, RecordingError> {
+pub fn open(path: &Path, file: &str) -> Result<Opened, RecordingError> {
     let mut handle = File::open(path).map_err(RecordingError::io(path))?;
-    let footer = footer(&mut handle).map_err(RecordingError::io(path))?;
-    if let Some(footer) = footer.map_err(|what| RecordingError::format(file, what))? {
+    let length = footer_length(&mut handle).map_err(RecordingError::io(path))?;
+    if length > MOST_BYTES {
+        return Err(RecordingError::format(file, format!("its footer has {length} bytes; at most {MOST_BYTES} are read")));
+    }
+    if length > 0 {
+        let mut footer = vec![0; length as usize];
+        handle.seek(SeekFrom::End(-8 - i64::from(length))).map_err(RecordingError::io(path))?;
+        handle.read_exact(&mut footer).map_err(RecordingError::io(path))?;
         checked(&footer).map_err(|what| RecordingError::format(file, what))?;
     }
-    SerializedFileReader::new(handle).map_err(|e| RecordingError::format(file, e))
+    let reader = SerializedFileReader::new(handle.try_clone().map_err(RecordingError::io(path))?);
+    Ok(Opened { reader: reader.map_err(|e| RecordingError::format(file, e))?, handle })
 }
 
 /// Refuses more rows of so many columns than are read: rows cost memory, whatever the bytes of the file say. A column of one
 /// value is a few bytes for a billion rows.
-pub fn bounded(reader: &SerializedFileReader<File>, file: &str, columns: usize) -> Result<(), RecordingError> {
-    let metadata = reader.metadata();
+pub fn bounded(opened: &Opened, file: &str, columns: usize) -> Result<(), RecordingError> {
+    let metadata = opened.reader.metadata();
     let summed: u64 = metadata.row_groups().iter().map(|g| g.num_rows().max(0) as u64).sum();
     let rows = summed.max(metadata.file_metadata().num_rows().max(0) as u64);
     if rows.saturating_mul(columns.max(1) as u64) > MOST_VALUES {
@@ -41,40 +50,30 @@ pub fn bounded(reader: &SerializedFileReader<File>, file: &str, columns: usize) 
     Ok(())
 }
 
-/// The footer's bytes; `None` where the file has none, which the library says.
-fn footer(handle: &mut File) -> std::io::Result<Result<Option<Vec<u8>>, String>> {
+/// Bytes of the footer as the file says; 0 where it says nothing that can be, which the library tells.
+fn footer_length(handle: &mut File) -> std::io::Result<u32> {
     let size = handle.seek(SeekFrom::End(0))?;
     let mut tail = [0; 8];
     if size < 12 {
-        return Ok(Ok(None));
+        return Ok(0);
     }
     handle.seek(SeekFrom::End(-8))?;
     handle.read_exact(&mut tail)?;
     let [a, b, c, d, magic @ ..] = tail;
     let length = u32::from_le_bytes([a, b, c, d]);
-    if magic != *b"PAR1" || u64::from(length) > size - 8 {
-        return Ok(Ok(None));
-    }
-    if length > MOST_BYTES {
-        return Ok(Err(format!("its footer has {length} bytes; at most {MOST_BYTES} are read")));
-    }
-    handle.seek(SeekFrom::End(-8 - i64::from(length)))?;
-    let mut footer = vec![0; length as usize];
-    handle.read_exact(&mut footer)?;
-    handle.rewind()?;
-    Ok(Ok(Some(footer)))
+    Ok(if magic == *b"PAR1" && u64::from(length) <= size - 8 { length } else { 0 })
 }
 
 /// Looks at what the schema claims.
 fn checked(footer: &[u8]) -> Result<(), String> {
-    let mut bytes = Compact { left: footer };
-    let (mut children, mut last) = (Vec::new(), 0);
+    let mut bytes = Compact::new(footer);
+    let (mut claims, mut last) = (Vec::new(), 0);
     let damaged = || "the file is damaged: its footer ends too early".to_string();
     while let Some((field, kind)) = bytes.field(&mut last).ok_or_else(damaged)? {
         if field == SCHEMA && kind == Compact::LIST {
             let (count, of) = bytes.list().ok_or_else(damaged)?;
             for _ in 0..count {
-                children.push(bytes.children(of).ok_or_else(damaged)?);
+                claims.push(children(&mut bytes, of).ok_or_else(damaged)?);
             }
         } else {
             bytes.skip(kind, 0).ok_or_else(damaged)?;
@@ -82,15 +81,15 @@ fn checked(footer: &[u8]) -> Result<(), String> {
     }
     // Each element takes its place below the ones that are still open.
     let mut open: Vec<i64> = Vec::new();
-    for (at, claimed) in children.iter().enumerate() {
+    for (at, claimed) in claims.iter().enumerate() {
         while open.last() == Some(&0) {
             open.pop();
         }
         if let Some(left) = open.last_mut() {
             *left -= 1;
         }
-        if *claimed > (children.len() - at - 1) as i64 {
-            return Err(format!("the file is damaged: its schema of {} elements claims {claimed} in one", children.len()));
+        if *claimed > (claims.len() - at - 1) as i64 {
+            return Err(format!("the file is damaged: its schema of {} elements claims {claimed} in one", claims.len()));
         }
         if *claimed > 0 {
             open.push(*claimed);
@@ -102,119 +101,21 @@ fn checked(footer: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Bytes of thrift's compact protocol; `None` where they end too early.
-struct Compact<'b> {
-    left: &'b [u8],
-}
-
-impl Compact<'_> {
-    const LIST: u8 = 9;
-    const STRUCT: u8 = 12;
-
-    fn byte(&mut self) -> Option<u8> {
-        let (first, rest) = self.left.split_first()?;
-        self.left = rest;
-        Some(*first)
+/// How many children an element of the schema claims.
+fn children(bytes: &mut Compact<'_>, kind: u8) -> Option<i64> {
+    if kind != Compact::STRUCT {
+        bytes.element(kind, 0)?;
+        return Some(0);
     }
-
-    fn pass(&mut self, bytes: u64) -> Option<()> {
-        self.left = self.left.get(usize::try_from(bytes).ok()?..)?;
-        Some(())
-    }
-
-    fn varint(&mut self) -> Option<u64> {
-        let mut value = 0;
-        for shift in (0..64).step_by(7) {
-            let byte = self.byte()?;
-            value |= u64::from(byte & 0x7f) << shift;
-            if byte & 0x80 == 0 {
-                return Some(value);
-            }
-        }
-        None
-    }
-
-    fn signed(&mut self) -> Option<i64> {
-        let zigzag = self.varint()?;
-        Some((zigzag >> 1) as i64 ^ -((zigzag & 1) as i64))
-    }
-
-    /// Number and kind of the next field of a struct; the inner `None` at its end.
-    fn field(&mut self, last: &mut i64) -> Option<Option<(i64, u8)>> {
-        let byte = self.byte()?;
-        if byte == 0 {
-            return Some(None);
-        }
-        *last = if byte >> 4 == 0 { self.signed()? } else { last.saturating_add(i64::from(byte >> 4)) };
-        Some(Some((*last, byte & 0x0f)))
-    }
-
-    /// Size of a list and what it is of.
-    fn list(&mut self) -> Option<(u64, u8)> {
-        let byte = self.byte()?;
-        let size = if byte >> 4 == 15 { self.varint()? } else { u64::from(byte >> 4) };
-        // Each element takes a byte.
-        (size <= self.left.len() as u64).then_some((size, byte & 0x0f))
-    }
-
-    /// How many children an element of the schema claims.
-    fn children(&mut self, kind: u8) -> Option<i64> {
-        if kind != Self::STRUCT {
-            self.element(kind, 0)?;
-            return Some(0);
-        }
-        let (mut claimed, mut last) = (0, 0);
-        while let Some((field, kind)) = self.field(&mut last)? {
-            if field == CHILDREN && kind == 5 {
-                claimed = self.signed()?;
-            } else {
-                self.skip(kind, 0)?;
-            }
-        }
-        Some(claimed)
-    }
-
-    /// Passes an element of a list or map: other than as a field, a truth takes a byte.
-    fn element(&mut self, kind: u8, depth: usize) -> Option<()> {
-        if matches!(kind, 1 | 2) { self.pass(1) } else { self.skip(kind, depth) }
-    }
-
-    /// Passes a field.
-    fn skip(&mut self, kind: u8, depth: usize) -> Option<()> {
-        if depth > MOST_DEPTH {
-            return None;
-        }
-        match kind {
-            1 | 2 => Some(()),
-            3 => self.pass(1),
-            4..=6 => self.varint().map(|_| ()),
-            7 => self.pass(8),
-            8 => {
-                let bytes = self.varint()?;
-                self.pass(bytes)
-            }
-            Self::LIST | 10 => {
-                let (size, of) = self.list()?;
-                (0..size).try_for_each(|_| self.element(of, depth + 1))
-            }
-            11 => {
-                let size = self.varint()?;
-                let kinds = if size > 0 { self.byte()? } else { 0 };
-                (0..size).try_for_each(|_| {
-                    self.element(kinds >> 4, depth + 1)?;
-                    self.element(kinds & 0x0f, depth + 1)
-                })
-            }
-            Self::STRUCT => {
-                let mut last = 0;
-                while let Some((_, kind)) = self.field(&mut last)? {
-                    self.skip(kind, depth + 1)?;
-                }
-                Some(())
-            }
-            _ => None,
+    let (mut claimed, mut last) = (0, 0);
+    while let Some((field, kind)) = bytes.field(&mut last)? {
+        if field == CHILDREN && kind == Compact::INTEGER {
+            claimed = bytes.signed()?;
+        } else {
+            bytes.skip(kind, 0)?;
         }
     }
+    Some(claimed)
 }
 
 #[cfg(test)]

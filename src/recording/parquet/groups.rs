@@ -1,13 +1,12 @@
 //! Many recordings in one Parquet file: the rows of each value of a column, such as a serial number, read by row groups.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::path::Path;
 
 use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader, SerializedFileReader};
 
-use super::{Cells, Chunk, Kind, guarded, numbers, open, texts};
+use super::pages::Opened;
+use super::{Cells, Kind, guarded, numbers, open, texts};
 use crate::recording::mapping::Role;
 use crate::recording::{ColumnValues, Mapping, Recording, RecordingError};
 
@@ -35,8 +34,8 @@ pub fn groups(path: &Path, column: &str, map: &[Mapping]) -> Result<Vec<Group>, 
 
 fn found(path: &Path, file: &str, column: &str, map: &[Mapping]) -> Result<Vec<Group>, RecordingError> {
     let damaged = |e: ParquetError| RecordingError::format(file, e);
-    let reader = open(path, file)?;
-    let names: Vec<String> = reader.metadata().file_metadata().schema_descr().columns().iter().map(|c| c.path().string()).collect();
+    let opened = open(path, file)?;
+    let names: Vec<String> = opened.metadata().file_metadata().schema_descr().columns().iter().map(|c| c.path().string()).collect();
     let at = names
         .iter()
         .position(|n| n == column)
@@ -46,8 +45,8 @@ fn found(path: &Path, file: &str, column: &str, map: &[Mapping]) -> Result<Vec<G
     let facts: Vec<usize> = (0..names.len()).filter(|k| *k != at && !channel(&names[*k])).collect();
     let mut groups: Vec<Group> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
-    for number in 0..reader.num_row_groups() {
-        let values = words(&reader, number, at, damaged)?;
+    for number in 0..opened.metadata().num_row_groups() {
+        let values = words(&opened, number, at, damaged)?;
         let mut of_row = Vec::with_capacity(values.len());
         for value in values {
             let group = *known.entry(value).or_insert_with_key(|value| {
@@ -60,7 +59,7 @@ fn found(path: &Path, file: &str, column: &str, map: &[Mapping]) -> Result<Vec<G
             of_row.push(group);
         }
         for fact in &facts {
-            for (word, group) in words(&reader, number, *fact, damaged)?.into_iter().zip(&of_row) {
+            for (word, group) in words(&opened, number, *fact, damaged)?.into_iter().zip(&of_row) {
                 // A second value takes the column out; an empty text is no name of anything.
                 let kept = groups[*group].facts.entry(names[*fact].clone()).or_insert_with(|| word.clone());
                 if *kept != word {
@@ -80,15 +79,14 @@ fn found(path: &Path, file: &str, column: &str, map: &[Mapping]) -> Result<Vec<G
 
 /// The values of a column in one row group as words.
 fn words(
-    reader: &SerializedFileReader<File>,
+    opened: &Opened,
     group: usize,
     at: usize,
     damaged: impl Fn(ParquetError) -> RecordingError + Copy,
 ) -> Result<Vec<String>, RecordingError> {
-    let column = reader.metadata().file_metadata().schema_descr().column(at);
-    let group = reader.get_row_group(group).map_err(damaged)?;
+    let column = opened.metadata().file_metadata().schema_descr().column(at);
     let mut out = Vec::new();
-    let chunk = || Chunk::of(&*group, at).map_err(damaged);
+    let chunk = || opened.chunk(group, at).map_err(damaged);
     if texts(chunk()?, |text| out.push(text.to_owned())).map_err(damaged)?.is_none()
         && let Ok(kind) = Kind::of(&column)
     {
@@ -122,21 +120,20 @@ impl Group {
 
     fn columns(&self, path: &Path, file: &str) -> Result<Vec<(String, Cells)>, RecordingError> {
         let damaged = |e: ParquetError| RecordingError::format(file, e);
-        let reader = open(path, file)?;
-        let schema = reader.metadata().file_metadata().schema_descr();
+        let opened = open(path, file)?;
+        let schema = opened.metadata().file_metadata().schema_descr();
         let at = schema.columns().iter().position(|c| c.path().string() == self.column);
         let at = at.ok_or_else(|| RecordingError::format(file, format!("has no column `{}` any more", self.column)))?;
         let mine: Vec<Vec<bool>> = self
             .row_groups
             .iter()
-            .map(|group| Ok(words(&reader, *group, at, damaged)?.into_iter().map(|word| word == self.value).collect()))
+            .map(|group| Ok(words(&opened, *group, at, damaged)?.into_iter().map(|word| word == self.value).collect()))
             .collect::<Result<_, RecordingError>>()?;
         let mut columns = Vec::new();
         for (place, column) in schema.columns().iter().enumerate().filter(|(k, _)| *k != at) {
             let Ok(kind) = Kind::of(column) else { continue };
             let (mut values, mut names, mut first) = (Vec::new(), Vec::new(), None);
             for (group, mine) in self.row_groups.iter().zip(&mine) {
-                let group = reader.get_row_group(*group).map_err(damaged)?;
                 let mut rows = mine.iter();
                 let take = |value: f64| {
                     if *rows.next().unwrap_or(&false) {
@@ -145,7 +142,7 @@ impl Group {
                         values.push(value * kind.scale());
                     }
                 };
-                let chunk = || Chunk::of(&*group, place).map_err(damaged);
+                let chunk = || opened.chunk(*group, place).map_err(damaged);
                 if numbers(chunk()?, &kind, take).map_err(damaged)?.is_none() {
                     let mut rows = mine.iter();
                     let take = |text: &str| {

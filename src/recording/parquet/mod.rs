@@ -7,7 +7,6 @@ use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::FileMetaData;
-use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::mapping::Role;
@@ -16,12 +15,15 @@ use super::source::{Rows, Source, resolve};
 use super::{Cells, Mapping, RecordingError};
 use crate::valve::Input;
 
+mod compact;
 mod footer;
 mod groups;
+mod pages;
 mod write;
 
 use footer::{bounded, open};
 pub use groups::{Group, groups};
+use pages::Chunk;
 pub use write::{write_parquet, write_parquet_stating};
 
 /// Key under which a file of the program states what its command does between the samples.
@@ -52,20 +54,19 @@ fn guarded<T>(file: &str, work: impl FnOnce() -> Result<T, RecordingError>) -> R
 
 fn columns(path: &Path, file: &str) -> Result<Vec<(String, Cells)>, RecordingError> {
     let damaged = |e: ParquetError| RecordingError::format(file, e);
-    let reader = open(path, file)?;
-    let schema = reader.metadata().file_metadata().schema_descr();
-    bounded(&reader, file, schema.num_columns())?;
+    let opened = open(path, file)?;
+    let schema = opened.metadata().file_metadata().schema_descr();
+    bounded(&opened, file, schema.num_columns())?;
     let mut columns = Vec::new();
     for (at, column) in schema.columns().iter().enumerate() {
         let Ok(kind) = Kind::of(column) else { continue };
         let (mut values, mut words, mut first) = (Vec::new(), Vec::new(), None);
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group).map_err(damaged)?;
+        for group in 0..opened.metadata().num_row_groups() {
             let take = |value: f64| {
                 let value = if kind.is_stamp() { value - *first.get_or_insert(value) } else { value };
                 values.push(value * kind.scale());
             };
-            let chunk = || Chunk::of(&*group, at).map_err(damaged);
+            let chunk = || opened.chunk(group, at).map_err(damaged);
             if numbers(chunk()?, &kind, take).map_err(damaged)?.is_none() {
                 texts(chunk()?, |text| words.push(text.to_string())).map_err(damaged)?;
             }
@@ -124,12 +125,12 @@ fn silenced<T>(work: impl FnOnce() -> T) -> T {
 
 fn read_trusting(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, RecordingError> {
     let damaged = |e: ParquetError| RecordingError::format(file, e);
-    let reader = open(path, file)?;
-    let metadata = reader.metadata();
+    let opened = open(path, file)?;
+    let metadata = opened.metadata();
     let schema = metadata.file_metadata().schema_descr();
     let names: Vec<String> = schema.columns().iter().map(|c| c.path().string()).collect();
     let sources = resolve(file, &names, map, false)?;
-    bounded(&reader, file, sources.len())?;
+    bounded(&opened, file, sources.len())?;
     let mut rows = Rows::new(file, &sources, false);
     rows.input = stated_input(metadata.file_metadata());
 
@@ -138,10 +139,9 @@ fn read_trusting(path: &Path, file: &str, map: &[Mapping]) -> Result<Rows, Recor
         let kind = Kind::of(&column).map_err(|what| cell_error(file, source, &names, 0, &what))?;
         let mut first_stamp = None;
         let mut row = 0;
-        for group in 0..reader.num_row_groups() {
-            let group = reader.get_row_group(group).map_err(damaged)?;
-            let expected = group.metadata().num_rows().max(0) as usize;
-            let chunk = Chunk::of(&*group, source.column).map_err(damaged)?;
+        for group in 0..metadata.num_row_groups() {
+            let chunk = opened.chunk(group, source.column).map_err(damaged)?;
+            let expected = chunk.rows;
             let read = match (source.role, chunk) {
                 (Role::Run, chunk) => texts(chunk, |text| {
                     let new = rows.segments.last().is_none_or(|s| s.0.as_deref() != Some(text).filter(|t| !t.is_empty()));
@@ -230,22 +230,6 @@ impl Kind {
             Self::Stamp(scale) | Self::Decimal(scale) => *scale,
             _ => 1.0,
         }
-    }
-}
-
-/// A column of one row group.
-struct Chunk {
-    reader: ColumnReader,
-    levels: i16,
-    /// Rows that the group says it has; the pages may say otherwise.
-    rows: usize,
-}
-
-impl Chunk {
-    fn of(group: &dyn RowGroupReader, at: usize) -> Result<Self, ParquetError> {
-        let levels = group.metadata().column(at).column_descr().max_def_level();
-        let rows = usize::try_from(group.metadata().num_rows())?;
-        Ok(Self { reader: group.get_column_reader(at)?, levels, rows })
     }
 }
 
