@@ -250,6 +250,18 @@ fn a_floor_that_a_step_test_stood_on_once_is_found_beside_a_level_right_above_it
     assert!(found.rmse_bar < 1.2 * NOISE_BAR, "{}", found.quality.why);
 }
 
+/// Two visits of sixty to the floor, among levels so near above it that the readings alone do not show it: the fit does. Without
+/// it curves of order 7 and a free form of the loop mended what the floor does.
+#[test]
+fn a_floor_that_only_the_fit_shows_is_found() {
+    let random = &mut Pcg64::seed_from_u64(4049);
+    let valve = Apart::new(0.8, 0.0237, 0.012);
+    let found = identify(&open(&valve, steps(60.0, random), 0.01, Input::Held, random), &Options::default()).unwrap();
+    assert_eq!(found.valve.floor_bar, Some(0.0), "{:?}", found.notes);
+    assert!(found.parameters.iter().any(|p| p.name == "a" && (p.interval.0..=p.interval.1).contains(&0.8)), "{:?}", found.parameters);
+    assert!(found.rmse_bar < 1.2 * NOISE_BAR, "{}", found.quality.why);
+}
+
 #[test]
 fn a_drive_in_closed_loop_is_fitted_to_the_noise_whatever_was_before_its_first_sample() {
     for seed in 0..seeds() {

@@ -41,27 +41,42 @@ pub(super) struct Found {
 /// Searches the minimum; the survey learns the covered range.
 ///
 /// Where the model does not reach the noise with what the first fit took the command for, the other is followed to the end
-/// too: a first fit may stand in a wrong minimum, and a wrong input looks like missing physics. What is left there is no noise,
-/// so that no likelihood decides: as with order and form, the model that predicts the samples held out better is taken.
+/// too: a first fit may stand in a wrong minimum, and a wrong input looks like missing physics. So is a floor at zero of which
+/// too few readings stand there to be seen. What is left there is no noise, so that no likelihood decides: as with order and
+/// form, the model that predicts the samples held out better is taken.
 pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Options, weights: &[f64]) -> Found {
-    let mut survey_of_other = survey.clone();
-    let found = along(problem, survey, options, weights);
-    if options.input.is_some() || select::rms(&found.fit.residual_bar, weights) <= FAR * survey.noise_bar {
-        return found;
+    let at_first = survey.clone();
+    let mut found = along(problem, survey, options, weights);
+    let short = |found: &Found| select::rms(&found.fit.residual_bar, weights) > FAR * at_first.noise_bar;
+    if options.input.is_none() && short(&found) {
+        let input = match found.fit.shape.input {
+            Input::Held => Input::Ramp,
+            Input::Ramp => Input::Held,
+        };
+        let other = Options { input: Some(input), ..options.clone() };
+        found = better(problem, found, survey, (at_first.clone(), &other, 0.0), weights);
     }
-    let input = match found.fit.shape.input {
-        Input::Held => Input::Ramp,
-        Input::Ramp => Input::Held,
-    };
-    let other = along(problem, &mut survey_of_other, &Options { input: Some(input), ..options.clone() }, weights);
+    if short(&found)
+        && let Some(with_floor) = at_first.with_floor_at_zero(problem.segments)
+    {
+        let same = Options { input: Some(found.fit.shape.input), ..options.clone() };
+        found = better(problem, found, survey, (with_floor, &same, FORM_GAIN), weights);
+    }
+    found
+}
+
+/// What was found, or what is found another way, with its survey, where that predicts better by more than a share.
+fn better(problem: &Problem<'_>, found: Found, survey: &mut Survey, way: (Survey, &Options, f64), weights: &[f64]) -> Found {
+    let (mut other_survey, options, share) = way;
+    let other = along(problem, &mut other_survey, options, weights);
     let better = match (found.heldout_bar, other.heldout_bar) {
-        (Some(found), Some(other)) => other < found,
+        (Some(found), Some(other)) => other < (1.0 - share) * found,
         _ => select::gain(problem, &found.fit, &other.fit, weights, survey.noise_bar) > INPUT_GAIN,
     };
     if !better {
         return found;
     }
-    *survey = survey_of_other;
+    *survey = other_survey;
     other
 }
 

@@ -98,12 +98,26 @@ pub(super) fn survey(segments: &mut [Segment], noise_bar: f64) -> Survey {
         reversals: 0,
         steps: segments.iter().map(|s| jumps(&s.current_a, 0.05 * (recorded_a.1 - recorded_a.0))).sum(),
     };
-    let step_s = shortest_step_s(&*segments);
-    survey.cover(segments, FIRST_DELAY_STEPS * step_s, STEADY_HALF_WINDOW as f64 * step_s);
+    survey.cover_first(segments);
     survey
 }
 
 impl Survey {
+    /// The findings with a floor at zero, where none was seen and the lowest readings could stand there: a fit tells.
+    pub fn with_floor_at_zero(&self, segments: &[Segment]) -> Option<Self> {
+        let pressures = sorted(segments.iter().flat_map(|s| used(s).map(|k| s.pressure_bar[k])));
+        near_zero(&pressures, self.noise_bar, self.span_bar).filter(|_| self.floor_bar.is_none())?;
+        let mut survey = Self { floor_bar: Some(0.0), ..self.clone() };
+        survey.cover_first(segments);
+        Some(survey)
+    }
+
+    /// Covers what can be covered before a delay is known.
+    fn cover_first(&mut self, segments: &[Segment]) {
+        let step_s = shortest_step_s(segments);
+        self.cover(segments, FIRST_DELAY_STEPS * step_s, STEADY_HALF_WINDOW as f64 * step_s);
+    }
+
     /// Pressure above which a sample shows a curve and not the floor [bar].
     pub fn above_bar(&self) -> f64 {
         self.floor_bar.map_or(f64::NEG_INFINITY, |f| f + (4.0 * self.noise_bar).max(0.003 * self.span_bar))
@@ -206,11 +220,8 @@ fn mark_outliers(s: &mut Segment, limit_bar: f64) -> usize {
 /// The level of the bottom, where the pressure stands near zero, or at one level over a range of currents, and never falls
 /// below.
 fn floor(segments: &[Segment], pressures: &[f64], noise_bar: f64, span_bar: f64, recorded_a: (f64, f64)) -> Option<f64> {
+    let near = near_zero(pressures, noise_bar, span_bar)?;
     let lowest = quantile(pressures, 0.01);
-    let near = 6.0 * noise_bar + 0.005 * span_bar;
-    if lowest < -near || lowest > near.max(0.015 * span_bar) {
-        return None;
-    }
     let bottom: Vec<f64> = pressures.iter().copied().take_while(|p| *p < lowest + near).collect();
     let level = quantile(&bottom, 0.5);
     if level.abs() < (3.0 * noise_bar).max(0.05) {
@@ -228,6 +239,13 @@ fn floor(segments: &[Segment], pressures: &[f64], noise_bar: f64, span_bar: f64,
     let currents = sorted(segments.iter().flat_map(|s| used(s).filter(move |k| on(s, *k)).map(|k| s.current_a[k])));
     let wide = quantile(&currents, 0.95) - quantile(&currents, 0.05);
     (wide > FLOOR_SHARE * (recorded_a.1 - recorded_a.0)).then_some(level)
+}
+
+/// How near to zero the lowest readings are, if they could stand there [bar].
+fn near_zero(pressures: &[f64], noise_bar: f64, span_bar: f64) -> Option<f64> {
+    let lowest = quantile(pressures, 0.01);
+    let near = 6.0 * noise_bar + 0.005 * span_bar;
+    (-near..=near.max(0.015 * span_bar)).contains(&lowest).then_some(near)
 }
 
 /// The level of the top, where the pressure stands still while the current moves on.
