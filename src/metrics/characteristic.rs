@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::line::least_squares;
 use super::loop_width::{both_ways, definition};
+use super::passes::span;
 use super::{Metric, Needs, NotMeasurable, Segment};
 use crate::units::{self, Unit};
 
@@ -42,11 +43,11 @@ impl Metric for PressureGain {
         let found = both_ways(segment)?;
         let (up, down) = (found.curve(true), found.curve(false));
         let middle: Vec<f64> = up.iter().zip(&down).map(|(a, b)| 0.5 * (a + b)).collect();
-        let (low, high) = span(&middle)?;
-        let share = |p: f64| (p - low) / (high - low);
+        let (low, moved_bar) = span(&middle)?;
+        let share = |p: f64| (p - low) / moved_bar;
         let (x, y): (Vec<f64>, Vec<f64>) = found.current_a.iter().zip(&middle).filter(|(_, p)| (0.1..=0.9).contains(&share(**p))).unzip();
         match x.len() {
-            0..3 => Err(NotMeasurable::NoResponse { moved_bar: high - low }),
+            0..3 => Err(NotMeasurable::NoResponse { moved_bar }),
             _ => Ok(least_squares(&x, &y).0),
         }
     }
@@ -71,10 +72,10 @@ impl Metric for StartCurrent {
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let found = both_ways(segment)?;
         let up = found.curve(true);
-        let (low, high) = span(&up)?;
+        let (low, moved_bar) = span(&up)?;
         let at = |share: f64| {
-            let wanted = low + share * (high - low);
-            let k = up.iter().position(|p| *p >= wanted).unwrap_or(up.len() - 1).max(1);
+            let wanted = low + share * moved_bar;
+            let k = up.iter().position(|p| *p >= wanted).unwrap_or_default().max(1);
             let (x, y) = (&found.current_a, &up);
             x[k - 1] + (wanted - y[k - 1]) / (y[k] - y[k - 1]) * (x[k] - x[k - 1])
         };
@@ -85,18 +86,11 @@ impl Metric for StartCurrent {
     }
 }
 
-/// What the smoothing makes of a pressure that stands still [bar].
-const ROUNDING_BAR: f64 = 1e-9;
-
-fn span(curve: &[f64]) -> Result<(f64, f64), NotMeasurable> {
-    let (low, high) = curve.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    if high - low > ROUNDING_BAR { Ok((low, high)) } else { Err(NotMeasurable::NoResponse { moved_bar: high - low }) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::loop_width::tests::triangle;
     use super::super::tests::{Columns, scatter};
+    use super::super::{HysteresisWidthInput, Linearity};
     use super::*;
 
     #[test]
@@ -118,6 +112,10 @@ mod tests {
             let (gain, start) = (PressureGain {}.compute(&segment).unwrap(), StartCurrent {}.compute(&segment).unwrap());
             assert!((gain - 30.0).abs() < 1e-9 && (start - 0.35).abs() < 1e-3, "{gain} {start}");
         }
+        // 5 + 20 i^2: from 0.02 to 0.98 A it reaches a share s of its span at the root of 0.0004 + 0.96 s.
+        let curved = Columns::new(12001, |_| f64::NAN, triangle, |t| 5.0 + 20.0 * triangle(t).powi(2));
+        let start = StartCurrent {}.compute(&curved.segment(0.0)).unwrap();
+        assert!((start - (2.0 * 0.0484f64.sqrt() - 0.0964f64.sqrt())).abs() < 1e-3, "{start}");
         // A line without a dead band begins where the command does.
         let line = Columns::new(12001, |_| f64::NAN, current, |t| 30.0 * current(t));
         assert!((StartCurrent {}.compute(&line.segment(0.0)).unwrap() - 0.12).abs() < 1e-9);
@@ -128,7 +126,9 @@ mod tests {
         assert!(matches!(none, Err(NotMeasurable::NoResponse { moved_bar }) if (moved_bar - 7.0).abs() < 1e-9), "{none:?}");
         let still = Columns::new(12001, |_| f64::NAN, current, |_| 3.0);
         // A pressure that stands still starts nowhere, though the smoothing moves it by its last digit.
-        assert!(matches!(StartCurrent {}.compute(&still.segment(0.0)), Err(NotMeasurable::NoResponse { .. })));
-        assert!(matches!(PressureGain {}.compute(&still.segment(0.0)), Err(NotMeasurable::NoResponse { .. })));
+        for metric in [&StartCurrent {} as &dyn Metric, &PressureGain {}, &Linearity::default(), &HysteresisWidthInput::default()] {
+            let none = metric.compute(&still.segment(0.0));
+            assert!(matches!(none, Err(NotMeasurable::NoResponse { moved_bar }) if moved_bar < 1e-9), "{}: {none:?}", metric.id());
+        }
     }
 }

@@ -47,6 +47,8 @@ pub struct Response {
 const WINDOW_S: f64 = 2.5;
 /// Share of the largest input spectrum below which a frequency counts as not excited.
 const EXCITED: f64 = 0.02;
+/// Share of the spectrum of the mean below which nothing but its rounding is seen: a millionth of a millionth of its amplitude.
+const ROUNDING: f64 = 1e-24;
 /// Number of the lowest excited frequencies that the gain is relative to.
 const LOWEST: usize = 2;
 
@@ -67,8 +69,7 @@ pub fn frequency_response(segment: &Segment<'_>) -> Result<Vec<Response>, NotMea
     let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
     let hann: Vec<f64> = (0..length).map(|k| 0.5 - 0.5 * (2.0 * PI * k as f64 / length as f64).cos()).collect();
     let spectrum = |signal: &[f64]| {
-        let mean = signal.iter().sum::<f64>() / length as f64;
-        let mut windowed: Vec<f64> = signal.iter().zip(&hann).map(|(v, h)| (v - mean) * h).collect();
+        let mut windowed: Vec<f64> = signal.iter().zip(&hann).map(|(v, h)| v * h).collect();
         let mut out = transform.make_output_vec();
         // The lengths are those of the plan.
         let _ = transform.process(&mut windowed, &mut out);
@@ -84,10 +85,10 @@ pub fn frequency_response(segment: &Segment<'_>) -> Result<Vec<Response>, NotMea
         }
         start += length / 2;
     }
-    // The two lowest lines hold what the taper makes of the mean.
+    // The two lowest lines hold what the taper makes of the mean, and the others what rounding leaves of it.
     let largest = auto[2..].iter().copied().fold(0.0, f64::max);
     let lines: Vec<usize> = (2..auto.len()).filter(|k| auto[*k] > EXCITED * largest).collect();
-    if largest == 0.0 || lines.len() <= LOWEST {
+    if largest < ROUNDING * auto[0] || lines.len() <= LOWEST {
         return Err(NotMeasurable::NotReached { from_hz: 0.0, to_hz: 0.0, wanted: "exist" });
     }
     let gain = |k: usize| (cross[k] / auto[k]).norm();
@@ -126,14 +127,17 @@ fn filled(values: &[f64]) -> Vec<f64> {
 }
 
 /// Where a figure of the response first falls below `level`, interpolated.
-fn crossing(segment: &Segment<'_>, level: f64, of: impl Fn(&Response) -> f64, wanted: &'static str) -> Result<f64, NotMeasurable> {
-    let found = frequency_response(segment)?;
-    let Some(k) = found.iter().position(|r| of(r) <= level).filter(|k| *k > 0) else {
-        let (from_hz, to_hz) = (found[0].frequency_hz, found[found.len() - 1].frequency_hz);
-        return Err(NotMeasurable::NotReached { from_hz, to_hz, wanted });
-    };
-    let (a, b) = (&found[k - 1], &found[k]);
-    Ok(a.frequency_hz + (of(a) - level) / (of(a) - of(b)) * (b.frequency_hz - a.frequency_hz))
+fn crossing(found: &[Response], level: f64, of: impl Fn(&Response) -> f64, wanted: &'static str) -> Result<f64, NotMeasurable> {
+    match found.iter().position(|r| of(r) <= level) {
+        None | Some(0) => {
+            let (from_hz, to_hz) = (found[0].frequency_hz, found[found.len() - 1].frequency_hz);
+            Err(NotMeasurable::NotReached { from_hz, to_hz, wanted })
+        }
+        Some(k) => {
+            let (a, b) = (&found[k - 1], &found[k]);
+            Ok(a.frequency_hz + (of(a) - level) / (of(a) - of(b)) * (b.frequency_hz - a.frequency_hz))
+        }
+    }
 }
 
 impl Metric for BandwidthGain {
@@ -150,7 +154,7 @@ impl Metric for BandwidthGain {
         "bandwidth_gain.minus_3_db.v1".into()
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
-        crossing(segment, -3.0, |r| r.gain_db, "fall by 3 dB")
+        crossing(&frequency_response(segment)?, -3.0, |r| r.gain_db, "fall by 3 dB")
     }
     fn check(&self) -> Result<(), String> {
         Ok(())
@@ -171,7 +175,7 @@ impl Metric for BandwidthPhase {
         "bandwidth_phase.minus_90_deg.v1".into()
     }
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
-        crossing(segment, -90.0, |r| r.phase_deg, "lag by 90 deg")
+        crossing(&frequency_response(segment)?, -90.0, |r| r.phase_deg, "lag by 90 deg")
     }
     fn check(&self) -> Result<(), String> {
         Ok(())
@@ -224,9 +228,30 @@ mod tests {
         let columns = lagged(0.001, 0.0, 0.0);
         assert!(matches!(BandwidthGain {}.compute(&columns.segment(0.0)), Err(NotMeasurable::NotReached { .. })));
         let short = Columns::new(300, |_| f64::NAN, chirp, chirp);
-        assert!(matches!(BandwidthGain {}.compute(&short.segment(0.0)), Err(NotMeasurable::TooShort { .. })));
-        let still = Columns::new(3000, |_| f64::NAN, |_| 0.5, |_| 20.0);
-        assert!(BandwidthGain {}.compute(&still.segment(0.0)).is_err());
+        assert_eq!(BandwidthGain {}.compute(&short.segment(0.0)), Err(NotMeasurable::TooShort { window_s: 5.0 }));
+        // A command that stands still, whatever its last digit.
+        for command in [0.0, 0.3, 0.5] {
+            let still = Columns::new(3000, |_| f64::NAN, |_| command, |_| 20.1);
+            let none = BandwidthGain {}.compute(&still.segment(0.0));
+            assert!(matches!(none, Err(NotMeasurable::NotReached { wanted: "exist", .. })), "{none:?}");
+        }
+        // Of eight samples in a window something is seen, of seven nothing.
+        for (period, samples) in [(0.32, 8), (0.36, 7)] {
+            let mut slow = Columns::new(200, |_| f64::NAN, |t| chirp(t * 32.0), |t| chirp(t * 32.0));
+            slow.time_s = (0..200).map(|k| period * f64::from(k)).collect();
+            let refused = frequency_response(&slow.segment(0.0)) == Err(NotMeasurable::TooShort { window_s: 5.0 });
+            assert_eq!(refused, samples < 8, "{samples}");
+        }
+    }
+
+    /// By hand: 10 dB down in 2 Hz, the second half of it in half a hertz.
+    #[test]
+    fn a_level_is_crossed_between_two_lines() {
+        let line = |(frequency_hz, gain_db)| Response { frequency_hz, gain_db, phase_deg: 0.0 };
+        let found = [(1.0, 0.0), (2.0, -1.0), (2.5, -6.0), (3.0, -10.0)].map(line);
+        assert_eq!(crossing(&found, -3.0, |r| r.gain_db, "fall"), Ok(2.2));
+        let none = Err(NotMeasurable::NotReached { from_hz: 1.0, to_hz: 3.0, wanted: "fall" });
+        assert_eq!([crossing(&found, -11.0, |r| r.gain_db, "fall"), crossing(&found, 0.0, |r| r.gain_db, "fall")], [none.clone(), none]);
     }
 
     /// Of 250 samples in 2.5 s each line is 0.4 Hz. The taper spreads a sine that lies on a line to its two neighbours and no further.
@@ -246,6 +271,12 @@ mod tests {
         // Two windows are needed; and of a sine on the first line only its upper neighbour is left, too few for a reference.
         assert!(matches!(seen(2.0, 499, 1.0), Err(NotMeasurable::TooShort { .. })));
         assert!(matches!(seen(0.4, 500, 1.0), Err(NotMeasurable::NotReached { .. })));
+        // Its neighbours have a quarter of its power: those of a second sine are seen where a quarter is 2 % of the first.
+        for (second, lines) in [(0.275f64, 4), (0.29, 6)] {
+            let both = |t: f64| sine(2.0)(t) + second * (sine(4.0)(t) - 0.5);
+            let columns = Columns::new(500, |_| f64::NAN, both, both);
+            assert_eq!(frequency_response(&columns.segment(0.0)).unwrap().len(), lines, "{second}");
+        }
         // Windows overlap by half: what comes in the second half of two is seen.
         let burst = |t: f64| if t < 2.5 { 0.5 } else { sine(2.0)(t) };
         let late = Columns::new(500, |_| f64::NAN, burst, burst);
@@ -265,6 +296,10 @@ mod tests {
             assert!((r.frequency_hz / 0.4 - (r.frequency_hz / 0.4).round()).abs() < 1e-9);
             assert!((r.phase_deg + 360.0 * 0.1 * r.frequency_hz).abs() < 6.0 && r.gain_db.abs() < 2.0, "{r:?}");
         }
+        // However often it has turned.
+        let far = of(0.15);
+        let found = frequency_response(&far.segment(0.0)).unwrap();
+        assert!(found.windows(2).all(|w| (w[1].phase_deg - w[0].phase_deg).abs() < 120.0) && found[found.len() - 1].phase_deg < -1100.0);
         let short = of(0.02);
         let phase = BandwidthPhase {}.compute(&short.segment(0.0)).unwrap();
         assert!((phase - 12.5).abs() < 0.03, "{phase}");

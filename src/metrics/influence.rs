@@ -229,6 +229,17 @@ mod tests {
         assert!(matches!(TemperatureSensitivity::default().compute(&segment), Err(NotMeasurable::TooFewSamples { .. })));
     }
 
+    /// Half of `per` is enough, to the last digit.
+    #[test]
+    fn a_change_as_large_as_is_needed_is_enough() {
+        let columns = Columns::new(200, |_| f64::NAN, |_| 0.5, |t| if t < 1.0 { 18.0 } else { 18.5 });
+        let oil: Vec<f64> = columns.time_s.iter().map(|t| if *t < 1.0 { 30.0 } else { 35.0 }).collect();
+        let mut segment = columns.segment(0.0);
+        segment.signals.oil_temp_c = &oil;
+        let found = TemperatureSensitivity { per: TemperatureChange::new(10.0), rated: None }.compute(&segment).unwrap();
+        assert!((found - 1.0).abs() < 1e-9, "{found}");
+    }
+
     #[test]
     fn per_and_rated_must_be_positive() {
         for value in [0.0, -1.0] {

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::loop_width::{both_ways, definition};
+use super::passes::span;
 use super::{Metric, Needs, NotMeasurable, Segment};
 use crate::units::{self, Unit};
 
@@ -54,25 +55,23 @@ impl Metric for Linearity {
     fn compute(&self, segment: &Segment<'_>) -> Result<f64, NotMeasurable> {
         let found = both_ways(segment)?;
         let (up, down) = (found.curve(true), found.curve(false));
-        let middle: Vec<f64> = up.iter().zip(&down).map(|(a, b)| 0.5 * (a + b)).collect();
-        let (low, high) = middle.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-        if high <= low {
-            return Err(NotMeasurable::NoResponse { moved_bar: 0.0 });
-        }
+        // Twice the mean of both ways: a share of its span is the same.
+        let both: Vec<f64> = up.iter().zip(&down).map(|(a, b)| a + b).collect();
+        let (_, span_bar) = span(&both)?;
         let x = &found.current_a;
         let deviation = match self.line {
-            Line::Independent => independent(x, &middle),
+            Line::Independent => independent(x, &both),
             Line::Terminal => {
                 let last = x.len() - 1;
-                let slope = (middle[last] - middle[0]) / (x[last] - x[0]);
-                largest(x, &middle, slope, middle[0] - slope * x[0])
+                let slope = (both[last] - both[0]) / (x[last] - x[0]);
+                largest(x, &both, slope, both[0] - slope * x[0])
             }
             Line::LeastSquares => {
-                let (slope, offset) = least_squares(x, &middle);
-                largest(x, &middle, slope, offset)
+                let (slope, offset) = least_squares(x, &both);
+                largest(x, &both, slope, offset)
             }
         };
-        Ok(deviation / (high - low))
+        Ok(deviation / span_bar)
     }
     fn check(&self) -> Result<(), String> {
         Ok(())

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::passes::{Passes, passes};
+use super::passes::{Passes, moved, passes};
 use super::{Metric, Needs, NotMeasurable, Segment, milliseconds};
 use crate::units::{self, Current, Pressure, Unit};
 
@@ -111,18 +111,17 @@ impl Metric for HysteresisWidthInput {
         let last = up.len() - 1;
         // Pressures that both curves reach, less the ends.
         let (low, high) = (up[0].max(down[0]), up[last].min(down[last]));
-        if low >= high {
-            return Err(NotMeasurable::NoResponse { moved_bar: (high - low).max(0.0) });
-        }
+        let shared_bar = moved(low, high)?;
+        // Place on the grid, in its steps; a < p <= b, for p lies well inside both curves.
         let at = |curve: &[f64], p: f64| {
-            let k = curve.partition_point(|c| *c < p).clamp(1, last);
+            let k = curve.partition_point(|c| *c < p);
             let (a, b) = (curve[k - 1], curve[k]);
-            let part = if b > a { (p - a) / (b - a) } else { 0.0 };
-            found.current_a[k - 1] + part * (found.current_a[k] - found.current_a[k - 1])
+            k as f64 + (p - a) / (b - a)
         };
+        let step_a = (found.current_a[last] - found.current_a[0]) / last as f64;
         let share = |i: usize| ENDS + (1.0 - 2.0 * ENDS) * i as f64 / last as f64;
-        let widths = (0..=last).map(|i| low + (high - low) * share(i)).map(|p| at(&up, p) - at(&down, p));
-        Ok(widths.fold(f64::NEG_INFINITY, f64::max) / self.rated.map_or(1.0, Current::value))
+        let widths = (0..=last).map(|i| low + shared_bar * share(i)).map(|p| at(&up, p) - at(&down, p));
+        Ok(step_a * widths.fold(f64::NEG_INFINITY, f64::max) / self.rated.map_or(1.0, Current::value))
     }
     fn check(&self) -> Result<(), String> {
         self.rated.map_or(Ok(()), |r| super::positive("rated", r.value(), &r))
@@ -246,6 +245,11 @@ pub mod tests {
         let pressure = |t: f64| 20.0 * triangle(t) + if rising(t) { if t < 20.0 { 1.0 } else { 0.0 } } else { 0.6 };
         let columns = Columns::new(12001, |_| f64::NAN, triangle, pressure);
         assert!((width(&columns, 0.0) - 0.6).abs() < 1e-9);
+    }
+
+    #[test]
+    fn noise_does_not_make_a_curve_fall() {
+        assert_eq!(rising_envelope(vec![1.0, 3.0, 2.0, 2.5, 4.0]), [1.0, 3.0, 3.0, 3.0, 4.0]);
     }
 
     #[test]

@@ -418,5 +418,9 @@ pub(crate) mod tests {
         assert!((segment.delayed_reference(30, 0.025) - 2.75).abs() < 1e-12);
         assert!((segment.delayed_reference(30, 0.03) - 2.7).abs() < 1e-12);
         assert_eq!(segment.delayed_reference(1, 0.05), 0.0);
+        // Just where the loop is closed the first target stands.
+        let mut columns = Columns::new(8, |t| if t < 0.035 { f64::NAN } else { 7.0 }, |_| 0.0, |_| 0.0);
+        columns.time_s = (0..8).map(|k| 0.125 * f64::from(k)).collect();
+        assert_eq!(columns.segment(0.0).delayed_reference(5, 0.25), 7.0);
     }
 }

@@ -36,6 +36,9 @@ const EDGE: f64 = 0.02;
 /// Half-width of the smoothing, as a share of the swept range: a parabola bends as little over it as a characteristic does.
 const SMOOTHED: f64 = 0.03;
 
+/// What the smoothing makes of a pressure that stands still [bar].
+const ROUNDING_BAR: f64 = 1e-9;
+
 /// Sweeps whose rates differ by this factor show what a standing valve would do.
 const TWO_RATES: f64 = 1.5;
 
@@ -58,10 +61,22 @@ pub fn paired(segment: &Segment<'_>) -> Result<Vec<Point>, NotMeasurable> {
     Ok(points)
 }
 
-/// Splits samples into stretches of rising or falling current; a hold belongs to the stretch before it.
+/// The distance from the lowest to the highest of these pressures, where there is one at all [bar].
+pub fn moved(low_bar: f64, high_bar: f64) -> Result<f64, NotMeasurable> {
+    let moved_bar = (high_bar - low_bar).max(0.0);
+    if moved_bar > ROUNDING_BAR { Ok(moved_bar) } else { Err(NotMeasurable::NoResponse { moved_bar }) }
+}
+
+/// Lowest pressure of a curve, and how far it moves from there [bar].
+pub fn span(curve: &[f64]) -> Result<(f64, f64), NotMeasurable> {
+    let (low, high) = curve.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+    Ok((low, moved(low, high)?))
+}
+
+/// Splits samples into stretches of rising or falling current; a hold belongs to the stretch before it, the first to none.
 pub fn stretches(points: &[Point]) -> Vec<(bool, &[Point])> {
     let mut found = Vec::new();
-    let mut start = 0;
+    let mut start = points.windows(2).take_while(|w| w[0].0 == w[1].0).count();
     while start + 1 < points.len() {
         let rising = points[start + 1].0 > points[start].0;
         let mut end = start + 1;
@@ -137,7 +152,7 @@ fn delayed(time_s: &[f64], column: &[f64], k: usize, delay_s: f64) -> f64 {
     while i > 0 && time_s[i] > wanted {
         i -= 1;
     }
-    if i == k || time_s[i] > wanted {
+    if i == k || time_s[i] >= wanted {
         return column[i];
     }
     column[i] + (wanted - time_s[i]) / (time_s[i + 1] - time_s[i]) * (column[i + 1] - column[i])
@@ -225,8 +240,59 @@ mod tests {
         assert!((value - 8.0).abs() < 1e-9 && variance < 1e-18, "{value} {variance}");
         let (value, variance) = parabola(&window(|k| if k.rem_euclid(2.0) == 0.0 { 1.0 } else { -1.0 }, 500), 0.0, 5.0).unwrap();
         assert!(value.abs() < 0.01 && (variance / (2.25 / 1001.0) - 1.0).abs() < 0.01, "{value} {variance}");
+        // Of seven, by Savitzky and Golay's coefficients (-2, 3, 6, 7, 6, 3, -2)/21; what is a cubic alone leaves its squares, 6, to
+        // four degrees of freedom, and a third of it to the middle.
+        let seven = |of: [f64; 7]| (-3..=3).zip(of).map(|(k, p)| (0.01 * f64::from(k), p, 0.0)).collect::<Vec<Point>>();
+        let (value, _) = parabola(&seven([1.0, 0.0, 0.0, 21.0, 0.0, 0.0, 10.0]), 0.0, 0.03).unwrap();
+        assert!((value - (7.0 - 22.0 / 21.0)).abs() < 1e-9, "{value}");
+        let (value, variance) = parabola(&seven([-1.0, 1.0, 1.0, 0.0, -1.0, -1.0, 1.0]), 0.0, 0.03).unwrap();
+        assert!(value.abs() < 1e-9 && (variance - 0.5).abs() < 1e-9, "{value} {variance}");
         // Six samples are enough for three coefficients, five are not.
         assert!(parabola(&window(|_| 1.0, 3)[..6], 0.0, 0.1).is_some() && parabola(&window(|_| 1.0, 2), 0.0, 0.1).is_none());
+    }
+
+    /// Six samples from the beginning of the grid on: the parabola, which misses each of them, and its variance in the mean over the grid.
+    #[test]
+    fn a_window_reaches_from_its_first_sample_to_its_last() {
+        let points: Vec<Point> = (0..12).map(|k| (0.5 + 0.125 * f64::from(k), f64::from(k % 2), 0.0)).collect();
+        let (values, variance) = smoothed(&points, true, &[0.5, 1.875], 0.625);
+        let (first, last) = (parabola(&points[..6], 0.5, 0.625).unwrap(), parabola(&points[6..], 1.875, 0.625).unwrap());
+        assert!((values[0] - first.0).abs() < 1e-12 && (values[1] - last.0).abs() < 1e-12 && values[0].abs() > 0.1, "{values:?}");
+        assert!(variance > 0.1 && (variance - 0.5 * (first.1 + last.1)).abs() < 1e-12, "{variance}");
+    }
+
+    /// Up, down and half way up again; and a hold before the first movement, which costs it no rate.
+    #[test]
+    fn half_a_sweep_is_no_pass() {
+        let current = |t: f64| {
+            if t < 1.0 {
+                0.0
+            } else if t < 2.0 {
+                t - 1.0
+            } else if t < 3.0 {
+                3.0 - t
+            } else {
+                t - 3.0
+            }
+        };
+        let columns = Columns::new(351, |_| f64::NAN, current, current);
+        let found = passes(&columns.segment(0.0)).unwrap();
+        assert_eq!((found.rising.len(), found.falling.len()), (1, 1));
+        let turned = Columns::new(351, |_| f64::NAN, |t| 1.0 - current(t), current);
+        let found = passes(&turned.segment(0.0)).unwrap();
+        assert_eq!((found.rising.len(), found.falling.len()), (1, 1));
+        assert!((found.falling[0].rate_a_per_s - 1.0).abs() < 1e-9, "{}", found.falling[0].rate_a_per_s);
+    }
+
+    /// 1 A/s: 11 bar. 1.5 A/s: 11.5 bar, and so 10 bar standing; at 1.25 A/s in the other case the mean, 11.25 bar.
+    #[test]
+    fn two_rates_are_carried_on_to_standing_still() {
+        let pass = |rate_a_per_s: f64, place| Pass { pressure_bar: vec![10.0 + rate_a_per_s], variance_bar2: 0.0, rate_a_per_s, place };
+        let curve = |fast: f64| {
+            let rising = vec![pass(1.0, 1), pass(fast, 3)];
+            Passes { current_a: vec![0.5], rising, falling: Vec::new(), rate_a_per_s: fast }.curve(true)[0]
+        };
+        assert!((curve(1.5) - 10.0).abs() < 1e-9 && (curve(1.25) - 11.125).abs() < 1e-9, "{} {}", curve(1.5), curve(1.25));
     }
 
     /// Up in 1 s, down in 2 s at 100 Hz, answered to at once: rates, places, and the current one dead time earlier.
@@ -251,6 +317,8 @@ mod tests {
         for (k, delay, wanted) in [(10, 0.035, 42.5), (10, 0.0, 100.0), (10, 0.03, 49.0), (3, 0.05, 0.0), (0, 0.02, 0.0), (3, 0.03, 0.0)] {
             assert!((delayed(&time, &column, k, delay) - wanted).abs() < 1e-6, "{k} {delay}: {}", delayed(&time, &column, k, delay));
         }
+        // On a sample, whatever comes after it.
+        assert_eq!(delayed(&[0.0, 0.25, 0.5, 0.75], &[1.0, 2.0, f64::NAN, 4.0], 3, 0.5), 2.0);
         // Behind a lag the command is late by half a period more: dead time 20 ms, lag 10 ms, 5 ms.
         let columns = Columns::new(50, |_| f64::NAN, |t| t, |_| 1.0);
         let mut segment = columns.segment(0.02);
@@ -270,6 +338,9 @@ mod tests {
         let points: Vec<Point> = [0.0, 1.0, 1.0, 2.0, 1.0, 1.0, 0.0].into_iter().map(|i| (i, 0.0, 0.0)).collect();
         let found: Vec<(bool, usize)> = stretches(&points).iter().map(|(rising, s)| (*rising, s.len())).collect();
         assert_eq!(found, [(true, 4), (false, 4)]);
+        let found: Vec<(bool, usize)> = stretches(&points[1..]).iter().map(|(rising, s)| (*rising, s.len())).collect();
+        assert_eq!(found, [(true, 2), (false, 4)], "a hold that comes first is no stretch");
+        assert!(stretches(&points[1..3]).is_empty());
         assert_eq!(stretches(&points[..2]).len(), 1);
         assert!(stretches(&points[..1]).is_empty());
     }

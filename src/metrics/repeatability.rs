@@ -105,6 +105,13 @@ mod tests {
         assert!((of(&two) - 2.8 * 0.005f64.sqrt()).abs() < 1e-6, "{}", of(&two));
     }
 
+    /// From the top: down, up, down, up. The first way down does not count, both ways up do: 0.1 bar apart.
+    #[test]
+    fn two_passes_of_either_kind_are_enough() {
+        let columns = Columns::new(8001, |_| f64::NAN, |t| 1.0 - triangle(t), |t| 20.0 * (1.0 - triangle(t)) + 0.1 * (t / 40.0).floor());
+        assert!((of(&columns) - 2.8 * 0.005f64.sqrt()).abs() < 1e-6, "{}", of(&columns));
+    }
+
     /// Two passes 0.1 bar apart, smoothed values of a variance of 0.001: 0.005 between them, less the one share of noise.
     #[test]
     fn the_noise_of_the_sensor_is_taken_away_once_for_each_degree_of_freedom() {

@@ -82,13 +82,15 @@ fn lost(moving: &[Point], from_bar: f64, change: f64) -> Option<f64> {
     if !rising {
         curve.reverse();
     }
-    let at = |moved: f64| {
-        let k = curve.iter().position(|p| (p - from_bar) * if rising { 1.0 } else { -1.0 } >= moved)?;
+    let turned = if rising { 1.0 } else { -1.0 };
+    let moved: Vec<f64> = curve.iter().map(|p| turned * (p - from_bar)).collect();
+    let at = |wanted: f64| {
+        let k = moved.iter().position(|m| *m >= wanted)?;
         if k == 0 {
             return Some(0.0);
         }
-        let (a, b) = ((curve[k - 1] - from_bar).abs(), (curve[k] - from_bar).abs());
-        Some((high - low) / STEPS as f64 * (k as f64 - 1.0 + if b > a { (moved - a) / (b - a) } else { 0.0 }))
+        let part = (wanted - moved[k - 1]) / (moved[k] - moved[k - 1]);
+        Some((high - low) / STEPS as f64 * ((k - 1) as f64 + part))
     };
     let (one, three) = (at(change)?, at(3.0 * change)?);
     Some((one - 0.5 * (three - one)).max(0.0))
@@ -159,7 +161,7 @@ impl Metric for Threshold {
         let points = paired(segment)?;
         let mut found = Vec::new();
         for (_, stretch) in stretches(&points) {
-            // Inside a stretch of one direction, a run of equal currents and what comes after it.
+            // Inside a stretch, which begins with a movement, a run of equal currents and what comes after it.
             let mut k = 1;
             while k < stretch.len() {
                 let begin = k - 1;
@@ -167,11 +169,11 @@ impl Metric for Threshold {
                     k += 1;
                 }
                 let standing = k - begin;
-                if standing >= 10 && begin > 0 && k + 10 < stretch.len() {
+                if standing >= 10 && k + 10 < stretch.len() {
                     let rest = &stretch[begin + standing / 2..k];
                     let rest = &rest[rest.len().saturating_sub(STANDING)..];
                     let mean = rest.iter().map(|p| p.1).sum::<f64>() / rest.len() as f64;
-                    let end = (k..stretch.len()).find(|j| *j > k && stretch[*j].0 == stretch[*j - 1].0).unwrap_or(stretch.len());
+                    let end = (k..stretch.len()).find(|j| stretch[*j].0 == stretch[*j - 1].0).unwrap_or(stretch.len());
                     found.extend(lost(&stretch[k - 1..end], mean, self.change.value()));
                 }
                 k += 1;
@@ -266,6 +268,109 @@ mod tests {
         assert!((found - 0.004).abs() < 5e-4, "{found}");
         let free = Columns::new(3001, |_| f64::NAN, current, |t| 40.0 * current(t));
         assert!(Threshold::default().compute(&free.segment(0.0)).unwrap() < 1e-4);
+    }
+
+    /// Currents in steps of 1 mA from 0.4 A on, either way, and the pressure over the current.
+    fn moving(samples: u32, up: bool, pressure: impl Fn(f64) -> f64) -> Vec<Point> {
+        let way = |k: u32| 0.4 + if up { 1e-3 } else { -1e-3 } * f64::from(k);
+        (0..=samples).map(|k| (way(k), pressure(way(k)), 0.01 * f64::from(k))).collect()
+    }
+
+    /// 100 bar/A behind a dead band: carried back from 2 and 6 bar to where the pressure began to move, either way.
+    #[test]
+    fn a_movement_is_carried_back_to_its_beginning() {
+        let up = moving(200, true, |i| 10.0 + 100.0 * (i - 0.45).max(0.0));
+        let down = moving(200, false, |i| 10.0 + 100.0 * (i - 0.33).min(0.0));
+        let found = (lost(&up, 10.0, 2.0).unwrap(), lost(&down, 10.0, 2.0).unwrap());
+        assert!((found.0 - 0.05).abs() < 1e-9 && (found.1 - 0.07).abs() < 1e-9, "{found:?}");
+        // A pressure that moves against the current first: 3 bar down in the first 20 mA, and then up.
+        let against = moving(200, true, |i| 10.0 - 150.0 * (i - 0.4).min(0.02) + 200.0 * (i - 0.42).max(0.0));
+        let found = lost(&against, 10.0, 3.0).unwrap();
+        assert!((found - 0.035).abs() < 1e-9, "{found}");
+        // From beyond what it would move to, nothing is lost; where it does not move so far, nothing is known.
+        assert_eq!((lost(&up, 3.0, 2.0), lost(&up, 10.0, 5.1)), (Some(0.0), None));
+        assert_eq!((lost(&down, 17.0, 2.0), lost(&down, 10.0, 4.4)), (Some(0.0), None));
+    }
+
+    /// The last of a hundred samples by the line through the last five, by hand: mean 3.2, slope 1.2 a step, two steps on.
+    #[test]
+    fn the_pressure_at_the_end_of_a_stretch() {
+        let mut stretch = moving(99, true, |_| 50.0);
+        for (p, bar) in stretch[95..].iter_mut().zip([1.0, 2.0, 3.0, 4.0, 6.0]) {
+            p.1 = bar;
+        }
+        assert!((end_bar(&stretch) - 5.6).abs() < 1e-9, "{}", end_bar(&stretch));
+        // Where the current stands there is no line: the mean; of less than twenty samples the last.
+        stretch[95..].iter_mut().for_each(|p| p.0 = 0.5);
+        assert!((end_bar(&stretch) - 3.2).abs() < 1e-9, "{}", end_bar(&stretch));
+        assert_eq!(end_bar(&stretch[90..]), 6.0);
+    }
+
+    /// 1 mA a sample, either way, with rests from a sample on for so many steps; 0.1 bar/mA, of which 5 mA are lost after each rest.
+    fn rested(way: f64, rests: &[(i32, i32)], samples: usize) -> Columns {
+        let moved = |k: i32| k - rests.iter().map(|(from, steps)| (k - from).clamp(0, *steps)).sum::<i32>();
+        let lost = |k: i32| rests.iter().map(|(from, _)| (moved(k) - moved(*from)).clamp(0, 5)).sum::<i32>();
+        let sample = |t: f64| (t * 100.0).round() as i32;
+        let (current, pressure) = (|t| moved(sample(t)), |t| moved(sample(t)) - lost(sample(t)));
+        Columns::new(samples, |_| f64::NAN, |t| 1.0 + way * 1e-3 * f64::from(current(t)), |t| 50.0 + way * 0.1 * f64::from(pressure(t)))
+    }
+
+    /// Threshold [mA] with `change` [bar].
+    fn threshold_ma(columns: &Columns, change: f64) -> Result<f64, NotMeasurable> {
+        let found = Threshold { change: Pressure::new(change), rated: None }.compute(&columns.segment(0.0))?;
+        Ok((found * 1e9).round() / 1e6)
+    }
+
+    #[test]
+    fn a_standstill_lies_inside_a_stretch_and_has_ten_samples_at_least() {
+        let none = Err(NotMeasurable::NoSuchMove { wanted: "rests and then goes on in the same direction" });
+        for way in [1.0, -1.0] {
+            let found = |rests: &[(i32, i32)], samples| threshold_ma(&rested(way, rests, samples), 0.1);
+            // Nine steps at rest are ten equal samples; after them eleven are needed.
+            assert_eq!([found(&[(50, 9)], 71), found(&[(51, 9)], 72)], [Ok(5.0), Ok(5.0)]);
+            assert_eq!([found(&[(50, 9)], 70), found(&[(50, 8)], 71)], [none.clone(), none.clone()]);
+            // Nor is there one where the phase ends with it, or begins: what rests first has no direction before.
+            assert_eq!(found(&[(50, 90)], 130), none);
+            assert_eq!([found(&[(0, 30)], 44), found(&[(1, 30)], 44)], [none.clone(), Ok(5.0)]);
+        }
+    }
+
+    #[test]
+    fn a_standstill_ends_before_the_next_and_its_pressure_is_that_of_its_end() {
+        // 20 mA between two rests: too little for 3 bar, and what comes after the second is not added.
+        assert_eq!(threshold_ma(&rested(1.0, &[(50, 20), (90, 20)], 300), 1.0), Ok(5.0));
+        // With 0.2 bar both count: 5 mA the first, and 5.5 mA the second, at whose end half the readings lie 0.1 bar higher.
+        let mut columns = rested(1.0, &[(50, 19), (90, 19)], 110 + 20);
+        columns.pressure[50..60].fill(99.0);
+        columns.pressure[90..100].fill(99.0);
+        assert_eq!(threshold_ma(&columns, 0.2), Ok(5.0));
+        columns.pressure[100..105].iter_mut().for_each(|p| *p += 0.1);
+        assert_eq!(threshold_ma(&columns, 0.2), Ok(5.25));
+        // Of a long one the last 200 readings.
+        let mut columns = rested(1.0, &[(50, 999)], 1300);
+        columns.pressure[50..850].fill(99.0);
+        assert_eq!(threshold_ma(&columns, 1.0), Ok(5.0));
+        columns.pressure[850..950].iter_mut().for_each(|p| *p += 0.2);
+        assert_eq!(threshold_ma(&columns, 1.0), Ok(6.0));
+    }
+
+    #[test]
+    fn figures_are_shares_of_the_rated_current() {
+        let (columns, turning) = (rested(1.0, &[(50, 20)], 300), play(0.01, small, 0.0, 8001));
+        for rated in [0.5, 4.0] {
+            let rated = Some(Current::new(rated));
+            let shares = (
+                Threshold { rated, ..Threshold::default() }.compute(&columns.segment(0.0)).unwrap(),
+                DeadBand { rated, ..DeadBand::default() }.compute(&turning.segment(0.0)).unwrap(),
+            );
+            let whole =
+                (Threshold::default().compute(&columns.segment(0.0)).unwrap(), DeadBand::default().compute(&turning.segment(0.0)).unwrap());
+            let of = rated.map_or(0.0, Current::value);
+            assert!(
+                (shares.0 * of - whole.0).abs() < 1e-12 && (shares.1 * of - whole.1).abs() < 1e-12,
+                "{shares:?} of {of} A are not {whole:?}"
+            );
+        }
     }
 
     #[test]

@@ -91,5 +91,10 @@ mod tests {
         let mut segment = columns.segment(0.02);
         segment.repetitions = vec![0..200, 200..400];
         assert!((SteadyOffset::default().compute(&segment).unwrap() + 0.5).abs() < 1e-12);
+        // Of two as large the first.
+        let even = Columns::new(400, |_| 20.0, |_| 0.0, |t| if t < 2.0 { 20.5 } else { 19.5 });
+        let mut segment = even.segment(0.02);
+        segment.repetitions = vec![0..200, 200..400];
+        assert_eq!(SteadyOffset::default().compute(&segment), Ok(0.5));
     }
 }

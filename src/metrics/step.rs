@@ -310,6 +310,107 @@ mod tests {
         assert!((3.18..=3.2).contains(&settled), "{settled}");
     }
 
+    /// Of a response by its points: what lies between two of them lies on a line.
+    #[test]
+    fn a_level_is_crossed_between_two_samples() {
+        let points = [(0.0, 0.0), (1.0, 0.2), (3.0, 0.6), (4.0, 0.5), (5.0, 1.0)];
+        for (level, wanted) in [(0.1, 0.5), (0.3, 1.5), (0.55, 2.75), (0.8, 4.6)] {
+            assert!((crossing(&points, level).unwrap() - wanted).abs() < 1e-12, "{level}");
+        }
+        assert_eq!((crossing(&points, 0.0), crossing(&points, 1.1)), (Some(0.0), None));
+    }
+
+    /// The jump may be the first sample of the phase, as where a phase begins with a new target; one inside goes before it.
+    #[test]
+    fn the_jump_is_found_where_the_phase_begins_and_inside() {
+        let target = |t: f64| {
+            if t < 0.995 {
+                2.0
+            } else if t < 4.995 {
+                10.0
+            } else {
+                6.0
+            }
+        };
+        let answer = |t: f64| {
+            if t < 1.2 {
+                2.0
+            } else if t < 5.3 {
+                10.0
+            } else {
+                6.0
+            }
+        };
+        let columns = Columns::new(1000, target, |_| 0.5, answer);
+        let dead = |range: Range<usize>| {
+            let mut segment = columns.segment(0.0);
+            segment.repetitions = vec![range];
+            DeadTime {}.compute(&segment).map(|t| (t * 100.0).round() as i32)
+        };
+        // The first answer comes 20 samples after its jump, the second 30.
+        assert_eq!(
+            [dead(0..400), dead(60..400), dead(100..400), dead(400..1000), dead(500..1000), dead(100..1000)],
+            [Ok(19), Ok(19), Ok(19), Ok(29), Ok(29), Ok(29)]
+        );
+        assert_eq!([dead(0..1000), dead(101..500)], [Err(NotMeasurable::NotAStep), Err(NotMeasurable::NotAStep)]);
+        // Of several repetitions the slowest counts.
+        let mut segment = columns.segment(0.0);
+        segment.repetitions = vec![400..1000, 0..400];
+        assert_eq!(DeadTime {}.compute(&segment).map(|t| (t * 100.0).round() as i32), Ok(29));
+        segment.repetitions.clear();
+        assert_eq!(DeadTime {}.compute(&segment), Err(NotMeasurable::NotAStep));
+    }
+
+    /// In open loop the current is the input; a command that is lost is no jump.
+    #[test]
+    fn a_lost_command_is_no_jump() {
+        let mut columns = Columns::new(1000, |_| f64::NAN, |t| if t < 0.995 { 0.3 } else { 0.5 }, |t| if t < 1.2 { 2.0 } else { 10.0 });
+        columns.current[600] = f64::NAN;
+        assert!(RiseTime {}.compute(&columns.segment(0.0)).is_ok());
+    }
+
+    /// What came just before the jump is where the response begins; what comes last, the tenth of the phase, where it ends.
+    #[test]
+    fn a_response_runs_from_before_the_jump_to_the_end_of_the_phase() {
+        // A phase that began elsewhere: only the ten samples before the jump count. 12 in the last tenth but one, 10 in the last.
+        let answer = |t: f64| {
+            if t < 1.895 {
+                50.0
+            } else if t < 2.0 {
+                2.0
+            } else if t < 8.995 {
+                12.0
+            } else {
+                10.0
+            }
+        };
+        let columns = Columns::new(1000, |t| if t < 1.995 { 2.0 } else { 10.0 }, |_| 0.5, answer);
+        let segment = columns.segment(0.0);
+        assert!((Overshoot {}.compute(&segment).unwrap() - 0.25).abs() < 1e-12);
+        // The last sample of 12 bar lies at 6.99 s, and 0.05 of the response from its end a part of a sample later.
+        let settled = SettlingTime::default().compute(&segment).unwrap();
+        assert!((settled - (6.99 + 0.01 * 0.2 / 0.25)).abs() < 1e-9, "{settled}");
+        // On the edge of its band it is in it.
+        assert_eq!(SettlingTime { band: Ratio::new(0.25) }.compute(&segment), Ok(0.0));
+        // A jump half a second before the end: the last tenth would reach beyond it.
+        let late = Columns::new(1000, |t| if t < 9.495 { 2.0 } else { 10.0 }, |_| 0.5, |t| if t < 9.495 { 2.0 } else { 10.0 });
+        assert_eq!(Overshoot {}.compute(&late.segment(0.0)), Ok(0.0));
+    }
+
+    /// Nine samples in ten must be there, of those before the jump, of those after it, and of the last tenth.
+    #[test]
+    fn a_response_with_too_many_lost_samples_has_no_figure() {
+        let overshoot = |lost: Range<usize>| {
+            let mut columns = step(|_| 1.0);
+            columns.pressure[lost].fill(f64::NAN);
+            Overshoot {}.compute(&columns.segment(0.0))
+        };
+        let few = |usable, samples, needed| Err(NotMeasurable::TooFewSamples { usable, samples, needed });
+        assert_eq!([overshoot(90..91), overshoot(90..92)], [Ok(0.0), few(8, 10, 9)]);
+        assert_eq!([overshoot(110..200), overshoot(110..201)], [Ok(0.0), few(809, 900, 810)]);
+        assert_eq!([overshoot(990..1000), overshoot(989..1000)], [Ok(0.0), few(89, 100, 90)]);
+    }
+
     #[test]
     fn no_number_where_there_is_none() {
         let drifting = step(|t| t / 9.0);

@@ -206,6 +206,9 @@ pub(super) mod tests {
         near(range((0.0, 0.7)), 0.1, 0.3);
         near(range((0.15, 0.5)), 0.15, 0.3);
         near(range((0.05, 0.25)), 0.1, 0.25);
+        // Of two of one width the lower: above by (i - 0.1) (0.3 - i) (i - 0.7) (i - 0.9), from 0.1 to 0.3 A and from 0.7 to 0.9 A.
+        let descending = Polynomial::new([-1.0, 2.0, -1.3, 20.3, -0.0189]);
+        near(ReferenceCurves::new(Polynomial::new([20.0, 0.0]), descending, (0.0003, 0.9997)).unwrap().range_a, 0.1, 0.3);
     }
 
     #[test]
@@ -213,6 +216,22 @@ pub(super) mod tests {
         let of = |a: [f64; 2], d: [f64; 2]| ReferenceCurves::new(Polynomial::new(a), Polynomial::new(d), (0.0, 1.0));
         assert!(of([0.0, 1.0], [5.0, 2.0]).is_err() && of([5.0, 1.0], [0.0, 9.0]).is_err());
         assert_eq!(of([5.0, 1.0], [5.0, 1.0]).unwrap().range_a, (0.0, 1.0), "curves without hysteresis are curves");
+    }
+
+    /// However flat or steep; and where the slope all but vanishes at one end, so that Newton's steps alone would leave the range.
+    #[test]
+    fn the_inverse_is_exact_for_any_slope() {
+        let both = |curve: &[f64]| ReferenceCurves::new(Polynomial::new(curve), Polynomial::new(curve), (0.0, 1.0)).unwrap();
+        let (flat, steep, late) =
+            (both(&[1e-3, 1e-3, 2.0]), both(&[1e4, 1e4, 2.0]), both(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-3, 0.0]));
+        for (c, near) in [(flat, 1e-10), (steep, 1e-12), (late, 1e-9)] {
+            for current in [1e-3, 0.05, 0.4, 0.7, 0.97, 0.999] {
+                let pressure = c.ascending_at(current);
+                for found in [c.ascending_current(pressure), c.descending_current(pressure), c.average_current(pressure)] {
+                    assert!((found - current).abs() < near, "{found} is not {current}");
+                }
+            }
+        }
     }
 
     proptest! {

@@ -309,6 +309,52 @@ mod tests {
         assert_eq!(state.advance(&c, 0.4), c.descending_at(0.4));
     }
 
+    /// A point off its curve by the rounding of a double follows it to the last digit, where the formula would lose half of them.
+    #[test]
+    fn what_lies_on_a_curve_but_for_rounding_follows_it() {
+        assert_eq!(Branch::on_curve_gap(0.25), 0.5 * ON_CURVE);
+        for direction in [1.0, -1.0] {
+            let branch = Branch::leaving(direction, 7.0, 7.0 + 1e-13, 0.5);
+            assert_eq!((branch.pressure(9.0), branch.curve(9.0)), (9.0, 9.0));
+            // At zero pressure too, where nothing may be divided by the distance.
+            assert_eq!(Branch::leaving(direction, 0.0, 0.0, 0.5).curve(0.0), 0.0);
+        }
+    }
+
+    /// From inside the loop and from beyond its curve, either way.
+    #[test]
+    fn a_stretch_solved_for_its_curve_gives_it_back() {
+        for (direction, gap) in [(1.0, 2.0), (1.0, -2.0), (-1.0, 2.0), (-1.0, -2.0), (1.0, 0.3), (-1.0, 0.3)] {
+            let branch = Branch::leaving(direction, 10.0, 10.0 + gap, 0.7);
+            assert!((branch.pressure(10.0) - (10.0 + gap)).abs() < 1e-9);
+            for step in [0.1, 1.0, 6.0] {
+                let curve = 10.0 + direction * step;
+                assert!((branch.curve(branch.pressure(curve)) - curve).abs() < 1e-9, "{direction} {gap} {step}");
+            }
+        }
+    }
+
+    /// Asking for the pressure that stands, or for none, moves nothing and forgets nothing; a command that was cut is followed.
+    #[test]
+    fn the_inverse_keeps_its_memory() {
+        let c = paper();
+        let mut forward = start(1.0, 0.9);
+        let mut inverse = InverseState::start(1.0, 0.9, forward.pressure_bar());
+        let branches = [0.7, 0.6].map(|i| {
+            let p = forward.advance(&c, i);
+            inverse.current_for(&c, p);
+            inverse.state.branch
+        });
+        assert!(branches[0].is_some() && branches[0] == branches[1], "one stretch: {branches:?}");
+        let before = inverse.clone();
+        let (current, pressure) = (before.current_a(), before.pressure_bar());
+        assert_eq!((inverse.current_for(&c, pressure), inverse.current_for(&c, f64::NAN)), (current, current));
+        assert_eq!(inverse, before);
+        inverse.follow(&c, 0.8);
+        forward.advance(&c, 0.8);
+        assert!((inverse.pressure_bar() - forward.pressure_bar()).abs() < 1e-9 && inverse.current_a() == 0.8);
+    }
+
     #[test]
     fn the_hyperbola_satisfies_its_own_equation() {
         // (P - P_t)(P - f) = a, Eq. (5), with P_t from Eq. (7).

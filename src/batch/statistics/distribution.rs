@@ -44,7 +44,7 @@ pub(in crate::batch) fn f_upper(f: f64, numerator: f64, denominator: f64) -> f64
 }
 
 /// The point where `below` turns false, to the last bit that matters.
-fn bisect(mut low: f64, mut high: f64, below: impl Fn(f64) -> bool) -> f64 {
+pub(super) fn bisect(mut low: f64, mut high: f64, below: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..200 {
         let middle = 0.5 * (low + high);
         if middle <= low || middle >= high {

@@ -82,9 +82,9 @@ impl Fitted {
         match *self {
             Self::Normal { mean, deviation } => normal_cdf((x - mean) / deviation),
             Self::LogNormal { side, threshold, mean_log, deviation_log } => {
-                let distance = side * (x - threshold);
-                let z = if distance > 0.0 { (distance.ln() - mean_log) / deviation_log } else { f64::NEG_INFINITY };
-                normal_cdf(side * z)
+                // Beyond the threshold the logarithm is that of 0.
+                let log = (side * (x - threshold)).max(0.0).ln();
+                normal_cdf(side * (log - mean_log) / deviation_log)
             }
             Self::Gamma { shape, scale } => Gamma::new(shape, 1.0 / scale).map_or(f64::NAN, |g| g.cdf(x)),
             Self::Weibull { shape, scale } => -(-(x.max(0.0) / scale).powf(shape)).exp_m1(),
@@ -155,4 +155,43 @@ fn gamma_quantile(shape: f64, p: f64) -> f64 {
         }
     }
     x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Exponential, half a squared normal deviate, an Erlang of 3 (1 - exp(-x) (1 + x + x^2/2)), and wide ones through their shares.
+    #[test]
+    fn quantiles_of_the_gamma_distribution() {
+        for p in [0.00135, 0.025, 0.3, 0.5, 0.9, 0.99865] {
+            let near = |found: f64, wanted: f64| assert!((found / wanted - 1.0).abs() < 1e-8, "{p}: {found} is not {wanted}");
+            near(gamma_quantile(1.0, p), -(-p).ln_1p());
+            near(gamma_quantile(0.5, p), 0.5 * normal_quantile(0.5 + 0.5 * p).powi(2));
+            let x = gamma_quantile(3.0, p);
+            near(1.0 - (-x).exp() * (1.0 + x + 0.5 * x * x), p);
+            for shape in [0.1, 0.7, 1.1, 20.0, 1e4] {
+                near(Gamma::new(shape, 1.0).unwrap().cdf(gamma_quantile(shape, p)), p);
+            }
+        }
+    }
+
+    /// Values at 1/4 and 3/4: -2 - (2 ln 1/4 + 6 ln 3/4)/2.
+    #[test]
+    fn the_anderson_darling_distance_of_two_values() {
+        let distance = Fitted::Uniform { low: 0.0, high: 1.0 }.distance(&[0.25, 0.75]);
+        assert!((distance - (-2.0 - 0.25f64.ln() - 3.0 * 0.75f64.ln())).abs() < 1e-12, "{distance}");
+    }
+
+    /// Beyond a threshold, or below a positive family's zero, there is nothing.
+    #[test]
+    fn a_distribution_ends_at_its_threshold() {
+        let of = |side: f64| Fitted::LogNormal { side, threshold: 2.0, mean_log: 0.0, deviation_log: 0.5 };
+        assert_eq!(
+            [of(1.0).share_below(2.0), of(1.0).share_below(1.0), of(-1.0).share_below(2.0), of(-1.0).share_below(3.0)],
+            [0.0, 0.0, 1.0, 1.0]
+        );
+        assert_eq!(Fitted::Weibull { shape: 2.0, scale: 1.0 }.share_below(-1.0), 0.0);
+        assert!((of(-1.0).share_below(1.0) - 0.5).abs() < 1e-12 && (of(-1.0).quantile(0.5) - 1.0).abs() < 1e-12);
+    }
 }

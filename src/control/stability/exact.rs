@@ -200,8 +200,12 @@ mod tests {
         for c in [0.1, 1e-4f64] {
             let y = 0.5 * (c + (c * c + 2.0 * c).sqrt());
             let wanted = ((y + y * y) / ((c - y).powi(2) + y)).sqrt();
-            assert!((of(1.0, 0.0, c / 100.0, 100.0, 0.0) - wanted).abs() < 1e-9 && wanted > 1.0 + 0.5 * c);
+            for lag in [100.0, 0.003] {
+                assert!((of(1.0, 0.0, c / lag, lag, 0.0) - wanted).abs() < 1e-9 && wanted > 1.0 + 0.5 * c, "{lag}");
+            }
         }
+        // A delay as long as the lag, or a millionth shorter.
+        assert!((of(1.0, 1.0, 0.5, 1.0, 1.0) - of(1.0, 1.0, 0.5, 1.0, 0.999_999)).abs() < 1e-4);
         // A resonance at sqrt(K_I k / tau).
         assert!((of(1.0, 0.0, 1e4, 1.0, 0.0) - 100.006_249_7).abs() < 1e-5);
         // Below the corner: hardly any integral, on a quick plant and on a slow one.

@@ -119,7 +119,7 @@ impl SampledLoop {
         maximum(sensitivity, &self.grid()).filter(|m| m.is_finite())
     }
 
-    /// Frequencies from a ten-thousandth of half the rate up to it, dense where the phase turns fast.
+    /// Frequencies from a millionth of half the rate up to it, dense where the phase turns fast.
     fn grid(&self) -> Vec<f64> {
         let nyquist = PI / self.period_s;
         let mut grid = super::search::logarithmic(1e-6 * nyquist, 0.02 * nyquist, 200);
@@ -253,6 +253,27 @@ mod tests {
         assert!((fast.gain_margin_db.unwrap() - exact.gain_margin_db.unwrap()).abs() < 0.02, "{fast:?}");
         assert!((fast.phase_margin_deg.unwrap() - exact.phase_margin_deg.unwrap()).abs() < 0.01);
         assert!((fast.max_sensitivity.unwrap() - exact.max_sensitivity.unwrap()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn frequencies_are_looked_at_from_a_millionth_of_half_the_rate_up_to_it() {
+        let grid = SampledLoop::new(&PAPER, GAINS, 100.0).grid();
+        let (first, last) = (grid[0] / (100.0 * PI), grid[grid.len() - 1] / (100.0 * PI));
+        assert!((first - 1e-6).abs() < 1e-15 && (last - 1.0).abs() < 1e-12 && grid.is_sorted(), "{first} {last}");
+    }
+
+    /// A dead time of many periods and little lag: a row of narrow peaks, of which the first is the highest and none may be stepped over.
+    #[test]
+    fn no_frequency_has_more_than_the_largest_sensitivity() {
+        for periods in 20..45 {
+            let plant = LoopPlant { gain_bar_per_ma: 1.0, lag_s: 0.004, delay_s: 0.01 * f64::from(periods) };
+            let closed = SampledLoop::new(&plant, Gains { kp_ma_per_bar: 0.97, ki_ma_per_bar_s: 0.0 }, 100.0);
+            let largest = closed.max_sensitivity().unwrap();
+            for w in (1..20_000).map(|k| PI / 0.01 * f64::from(k) / 20_000.0) {
+                let (real, imaginary) = closed.response(w);
+                assert!(1.0 / (1.0 + real).hypot(imaginary) <= largest * (1.0 + 1e-9), "{periods} periods at {w} rad/s: {largest}");
+            }
+        }
     }
 
     #[test]
