@@ -6,6 +6,7 @@ use std::path::Path;
 use super::diagnose_args::{DiagnoseArgs, Format};
 use super::diagnose_foreign::{self, Named};
 use super::identify::sha256;
+use super::next_plan::NextPlan;
 use super::outputs::{ATTACHED, PLAN, VALVE};
 use super::progress::Searching;
 use super::reading::distinct;
@@ -37,8 +38,11 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     let model = args.model.as_ref().ok_or_else(usage)?;
     let model = Valve::find(model).map_err(CliError::input)?;
     let inputs = Outputs::new(args.force.force).reads(&args.recordings).reads([&model]).reads(&args.reference).reads(args.reading.files());
-    let outputs = inputs.file(args.output.as_ref(), VALVE);
-    let _claim = outputs.file(args.report.as_ref(), Mark::Page).file(args.next_plan.as_ref(), PLAN).claim()?;
+    let outputs = inputs.file(args.output.as_ref(), VALVE).file(args.report.as_ref(), Mark::Page);
+    // A plan drives the augmented model where it is stored, otherwise the one that was diagnosed.
+    let next = args.next_plan.as_ref().map(|path| NextPlan::of(path, args.output.as_ref().unwrap_or(&model)));
+    let plan = next.as_ref().map(|next| &next.path);
+    let _claim = outputs.file(plan, PLAN).file(next.as_ref().and_then(NextPlan::copy), VALVE).claim()?;
     let mut valve = checked_valve(&model)?;
     for part in &args.without {
         take_out(&mut valve, part)?;
@@ -52,7 +56,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
     let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
     drop(working);
     name_apart(&mut diagnosed.augmented, &valve);
-    say(args, &diagnosed, &|diagnosed| diagnosed.augmented.to_toml())
+    say(args, &diagnosed, next.as_ref(), &|diagnosed| diagnosed.augmented.to_toml())
 }
 
 /// Diagnoses against a model that is not ours.
@@ -79,13 +83,13 @@ fn foreign(args: &DiagnoseArgs, named: Named) -> CliResult {
         diagnosed.augmented.name = format!("{}+{}", base.name, added.join("+"));
     }
     let file = args.output.as_ref().map_or_else(BaseFile::default, |path| diagnose_foreign::named_from(file.clone(), path));
-    say(args, &diagnosed, &|found| Attached::of(found, file.clone()).map(|a| a.to_toml()).unwrap_or_default())
+    say(args, &diagnosed, None, &|found| Attached::of(found, file.clone()).map(|a| a.to_toml()).unwrap_or_default())
 }
 
 /// Writes what was asked for and prints.
-fn say(args: &DiagnoseArgs, diagnosed: &Diagnosed, model: &dyn Fn(&Diagnosed) -> String) -> CliResult {
+fn say(args: &DiagnoseArgs, diagnosed: &Diagnosed, next: Option<&NextPlan>, model: &dyn Fn(&Diagnosed) -> String) -> CliResult {
     let comparable = diagnosed.diagnosis.verdict != Verdict::NotComparable;
-    if !comparable && (args.output.is_some() || args.next_plan.is_some()) {
+    if !comparable && (args.output.is_some() || next.is_some()) {
         super::note("model and recording do not belong together: no model and no plan is written");
     }
     if let Some(path) = args.output.as_ref().filter(|_| comparable) {
@@ -94,8 +98,8 @@ fn say(args: &DiagnoseArgs, diagnosed: &Diagnosed, model: &dyn Fn(&Diagnosed) ->
     if let Some(path) = &args.report {
         store(path, &report::diagnosis::page(diagnosed, &story(diagnosed)))?;
     }
-    if let Some(path) = args.next_plan.as_ref().filter(|_| comparable) {
-        next_plan(path, args, diagnosed)?;
+    if let Some(next) = next.filter(|_| comparable) {
+        next.write(diagnosed, store)?;
     }
     match args.format {
         Format::Json => super::print(&report::diagnosis::json(&diagnosed.diagnosis))?,
@@ -150,17 +154,6 @@ fn take_out(valve: &mut Valve, part: &str) -> Result<(), CliError> {
         }
     }
     Ok(())
-}
-
-/// Writes the plan of the next experiment, or says why there is none.
-fn next_plan(path: &Path, args: &DiagnoseArgs, diagnosed: &Diagnosed) -> Result<(), CliError> {
-    let Some(next) = &diagnosed.diagnosis.next_experiment else {
-        super::note(&format!("this recording leaves nothing open that an experiment could decide; {} is not written", path.display()));
-        return Ok(());
-    };
-    // A plan names its valve: the augmented model where it is stored, otherwise the one that was diagnosed.
-    let model = args.output.as_ref().map_or_else(|| args.model.clone().unwrap_or_default(), |p| p.display().to_string());
-    store(path, &next.plan(&model, &diagnosed.augmented))
 }
 
 fn store(path: &Path, text: &str) -> Result<(), CliError> {

@@ -50,6 +50,7 @@ mod master;
 mod metrics_page;
 mod msa;
 mod narrow;
+mod next_plan;
 mod on_wire;
 mod outputs;
 mod paper;

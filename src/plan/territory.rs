@@ -27,16 +27,15 @@ pub(super) fn check(folder: &Path, name: &str) -> Result<(), String> {
         return Ok(());
     }
     let project = project(folder);
-    for candidate in [folder.join(name), PathBuf::from(name)] {
-        // What does not exist cannot be read; that it does not is told by whoever looks for it.
-        if candidate.canonicalize().is_ok_and(|file| !file.starts_with(&project)) {
-            return Err(format!(
-                "`{name}` lies outside of the plan's project ({}); --allow-outside lets plans read files elsewhere",
-                project.display()
-            ));
-        }
+    // What lies beside the plan goes first. What does not exist cannot be read; that it does not is told by whoever looks for it.
+    let read = [folder.join(name), PathBuf::from(name)].into_iter().find(|file| file.exists() && !file.is_dir());
+    match read.and_then(|file| file.canonicalize().ok()) {
+        Some(file) if !file.starts_with(&project) => Err(format!(
+            "`{name}` lies outside of the plan's project ({}); --allow-outside lets plans read files elsewhere",
+            project.display()
+        )),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -58,6 +57,9 @@ mod tests {
         let asked = |name: &str| check(&plans, name).is_ok();
         assert!(asked("own.toml") && asked("paper") && asked("no-such.toml"));
         assert!(!asked("../valves/v.toml"), "without a mark, the project is the plan's own folder");
+        assert!(!asked("Cargo.toml"), "in the current folder");
+        std::fs::write(at("project/plans/Cargo.toml"), "").unwrap();
+        assert!(asked("Cargo.toml"), "the one beside the plan is read");
         std::fs::write(at("project/hil.toml"), "").unwrap();
         assert!(asked("../valves/v.toml"));
         let secret = at("elsewhere/secret.toml");

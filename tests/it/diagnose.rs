@@ -60,7 +60,8 @@ fn drive(valve: &Valve) -> String {
 fn a_drift_is_named_shown_and_planned_for() {
     let bench = Bench::new("[[effect]]\nsensor_drift = { offset = \"0.4 bar\", tau = \"20 s\" }");
     let arguments = ["diagnose", "drive.csv", "--model", "valve.toml", "-o", "augmented.toml", "--report", "page.html"];
-    let more = ["--next-plan", "next.toml", "--format", "json", "--fail-on", "mismatch"];
+    std::fs::create_dir(bench.at("plans")).unwrap();
+    let more = ["--next-plan", "plans/next.toml", "--format", "json", "--fail-on", "mismatch"];
     let out = bench.hil(&[&arguments[..], &more].concat()).code(1);
     let json: Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
     for key in ["schema", "verdict", "summary", "rmse_bar", "effects", "where", "candidates", "unexplained", "next_experiment"] {
@@ -80,10 +81,14 @@ fn a_drift_is_named_shown_and_planned_for() {
     let page = bench.text("page.html");
     assert!(page.starts_with("<!DOCTYPE html>") && page.contains("EXPLAINED") && page.contains("The signature"));
     assert!(!page.contains("<link") && !page.contains(" src="), "the page fetches something");
-    // What was written runs: the augmented model simulates, the plan passes its check.
+    // What was written runs: the augmented model simulates, the plan passes its check and drives the valve. That lies outside of the
+    // plan's project, so a copy lies beside the plan.
     bench.hil(&["simulate", "drive.csv", "--model", "augmented.toml", "-o", "out.csv"]).success();
     assert!(json["next_experiment"]["separation_sigma"].as_f64().unwrap() > 0.0);
-    bench.hil(&["check", "next.toml", "augmented.toml"]).success();
+    assert!(String::from_utf8_lossy(&out.get_output().stderr).contains("plans/next-valve.toml is a copy of augmented.toml"));
+    assert_eq!(bench.text("plans/next-valve.toml"), bench.text("augmented.toml"));
+    bench.hil(&["check", "plans/next.toml", "augmented.toml"]).success();
+    bench.hil(&["run", "plans/next.toml", "--sim", "--out", "run"]).success().stdout(contains("DONE"));
 }
 
 /// One lag acts before the other, and after a curve that is nearly straight no current tells them apart.
