@@ -125,7 +125,7 @@ impl Told {
     fn new(total: Option<usize>, done: usize) -> Self {
         let bar = total.filter(|n| *n > 40).map(|n| {
             let bar = indicatif::ProgressBar::new(n as u64);
-            if let Ok(style) = indicatif::ProgressStyle::with_template("{bar:30} {pos}/{len} valves, {per_sec}, {eta} left, {msg}") {
+            if let Ok(style) = indicatif::ProgressStyle::with_template("{bar:30} {pos}/{len} valves, {per_sec}, {eta} left{msg}") {
                 bar.set_style(style);
             }
             bar.set_position(done as u64);
@@ -147,7 +147,7 @@ impl Told {
             Some(bar) => {
                 bar.inc(u64::from(one.job.attempt == 1));
                 let [passed, failed, other] = self.counts;
-                bar.set_message(format!("{passed} passed, {failed} failed, {other} without a verdict"));
+                bar.set_message(format!(", {passed} passed, {failed} failed, {other} without a verdict"));
             }
             None => {
                 let attempt = if one.job.attempt > 1 { format!(" (attempt {})", one.job.attempt) } else { String::new() };

@@ -105,9 +105,11 @@ impl Searching {
         // What the model has grown by tells the step.
         let step = format!("diagnosing, step {}", tried.beside.len() + 1);
         if bar.message() != step || bar.length().is_some_and(|of| bar.position() >= of) {
-            bar.set_message(step);
+            // The time that has passed is that of all steps.
+            bar.set_position(0);
             bar.set_length(tried.of as u64);
-            bar.reset();
+            bar.reset_eta();
+            bar.set_message(step);
             if let Ok(style) = ProgressStyle::with_template("{msg}: {pos} of {len} candidates, {eta} left of it, {elapsed}") {
                 bar.set_style(style);
             }

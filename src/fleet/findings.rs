@@ -41,8 +41,10 @@ pub struct FleetFinding {
 pub struct Onset {
     /// The column, such as `mileage`.
     pub column: String,
-    /// The number at which it begins.
+    /// The number at which it begins; of dates the days since 1970.
     pub at: f64,
+    /// Whether the column holds dates.
+    pub is_date: bool,
     /// Before it: how many of how many.
     pub before: (usize, usize),
     /// From it on.
@@ -195,6 +197,18 @@ pub fn number(text: &str) -> Option<f64> {
     })
 }
 
+/// The date of a number of [`number`], to the day.
+pub fn date(days: f64) -> String {
+    let span = jiff::Span::new().try_days(days.round() as i64).ok();
+    span.and_then(|span| jiff::civil::date(1970, 1, 1).checked_add(span).ok()).map_or_else(|| format!("{days}"), |date| date.to_string())
+}
+
+/// Whether a column of numbers holds dates.
+pub fn holds_dates(rows: &[&Row], column: &str) -> bool {
+    let first = rows.iter().filter_map(|r| r.tags.get(column)).find(|text| number(text).is_some());
+    first.is_some_and(|text| text.parse::<f64>().is_err())
+}
+
 /// Columns of numbers: those in which nearly every row has one, and not the same.
 pub fn numeric_columns(rows: &[&Row]) -> Vec<String> {
     let columns: BTreeSet<&String> = rows.iter().flat_map(|r| r.tags.keys()).collect();
@@ -214,6 +228,7 @@ fn onset(rows: &[&Row], counted: &[BTreeSet<String>], members: &[usize], what: &
             let mut at: Vec<(f64, bool)> =
                 members.iter().filter_map(|m| Some((number(rows[*m].tags.get(&column)?)?, counted[*m].contains(what)))).collect();
             at.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let is_date = holds_dates(rows, &column);
             let hits = at.iter().filter(|a| a.1).count();
             let (mut before, mut best) = (0, None);
             for k in 1..at.len() {
@@ -224,7 +239,7 @@ fn onset(rows: &[&Row], counted: &[BTreeSet<String>], members: &[usize], what: &
                 let (b, a) = ((before, k), (hits - before, at.len() - k));
                 let gain = likelihood(b) + likelihood(a) - likelihood((hits, at.len()));
                 if a.0 * b.1 > b.0 * a.1 && best.as_ref().is_none_or(|(g, _)| gain > *g) {
-                    best = Some((gain, Onset { column: column.clone(), at: 0.5 * (at[k].0 + at[k - 1].0), before: b, after: a }));
+                    best = Some((gain, Onset { column: column.clone(), at: 0.5 * (at[k].0 + at[k - 1].0), is_date, before: b, after: a }));
                 }
             }
             // a split that was looked for has to gain more than one that was given: half the log of their number beside
@@ -330,5 +345,6 @@ mod tests {
     fn dates_are_numbers_too() {
         assert_eq!(number("1970-01-11"), Some(10.0));
         assert_eq!((number("12.5"), number("L7")), (Some(12.5), None));
+        assert_eq!((date(10.4).as_str(), date(20_519.0).as_str()), ("1970-01-11", "2026-03-07"));
     }
 }

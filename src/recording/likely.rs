@@ -90,6 +90,15 @@ fn against(role: Role) -> &'static [&'static str] {
     }
 }
 
+/// Words of which one must be there: a unit alone does not make a second pressure a target, or a second current a measured one.
+fn needed(role: Role) -> Option<Vec<&'static str>> {
+    match role {
+        Role::Channel(Channel::Target | Channel::Supply) => Some(words(role).iter().map(|w| w.0).collect()),
+        Role::Channel(Channel::MeasuredCurrent) => Some(against(Role::Channel(Channel::Current)).to_vec()),
+        _ => None,
+    }
+}
+
 /// How much speaks for a column being of a role, and what; 0 where nothing does.
 pub fn score(role: Role, column: &Named) -> (i32, String) {
     let mut found: Vec<&str> = Vec::new();
@@ -110,6 +119,9 @@ pub fn score(role: Role, column: &Named) -> (i32, String) {
     score -= 3 * against(role).iter().filter(|w| parts.iter().any(|p| p == *w || w.len() >= 5 && p.contains(*w))).count() as i32;
     if column.name.eq_ignore_ascii_case(role.name()) {
         return (100, "its own name".into());
+    }
+    if needed(role).is_some_and(|words| !words.iter().any(|word| found.contains(word))) {
+        return (0, String::new());
     }
     match (&column.unit, role) {
         (_, Role::Run) => {}
@@ -191,5 +203,9 @@ mod tests {
         assert_eq!(first(Role::Channel(Channel::MeasuredCurrent), &english).unwrap(), "I_meas [mA]");
         assert_eq!(first(Role::Channel(Channel::Pressure), &english).unwrap(), "P_clutch [psi]");
         assert_eq!(first(Role::Channel(Channel::Pressure), &["rpm", "gear"]), None);
+        let twice = ["Slow/Strom [A]", "Slow/Druck [bar]"];
+        for other in [Channel::Target, Channel::Supply, Channel::MeasuredCurrent] {
+            assert_eq!(first(Role::Channel(other), &twice), None, "{other:?}");
+        }
     }
 }

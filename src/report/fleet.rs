@@ -8,7 +8,7 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::plot::{Color, Figure, Stroke};
-use crate::fleet::findings::{FleetFinding, Rate, number, numeric_columns};
+use crate::fleet::findings::{FleetFinding, Rate, date, holds_dates, number, numeric_columns};
 use crate::fleet::row::{Row, Status};
 
 /// Most rows of a table on the page: the rest is in the Parquet table.
@@ -75,7 +75,7 @@ fn corrected(s: &Summary) -> String {
             format!("{:.1} % ({:.1} to {:.1} %), corrected for what the diagnosis misses and invents", 100.0 * v, 100.0 * low, 100.0 * high)
         }
         (None, true) => "the diagnosis tells too little apart for a correction".to_owned(),
-        (None, false) => "not corrected for what the diagnosis misses and invents: give --confusion".to_owned(),
+        (None, false) => "not corrected for what the diagnosis misses and invents: give `--confusion`".to_owned(),
     }
 }
 
@@ -88,8 +88,8 @@ fn sentence(f: &FleetFinding) -> String {
         None => format!("{}: {} of {} look alike", f.what, f.inside.0, f.inside.1),
     };
     if let Some(o) = &f.onset {
-        let _ =
-            write!(text, "; since {} {:.0}: {} of {} before, {} of {} after", o.column, o.at, o.before.0, o.before.1, o.after.0, o.after.1);
+        let at = if o.is_date { date(o.at) } else { format!("{:.0}", o.at) };
+        let _ = write!(text, "; since {} {at}: {} of {} before, {} of {} after", o.column, o.before.0, o.before.1, o.after.0, o.after.1);
     }
     text
 }
@@ -112,7 +112,9 @@ pub fn text(s: &Summary) -> String {
 pub fn json(s: &Summary) -> String {
     let share = |r: Rate| json!({ "hits": r.hits, "of": r.of, "low": r.low, "high": r.high });
     let finding = |(f, new): &(FleetFinding, bool)| -> Value {
-        let onset = f.onset.as_ref().map(|o| json!({ "column": o.column, "at": o.at, "before": o.before, "after": o.after }));
+        let onset = f.onset.as_ref().map(
+            |o| json!({ "column": o.column, "at": o.at, "date": o.is_date.then(|| date(o.at)), "before": o.before, "after": o.after }),
+        );
         let p_value = f.p_value.is_finite().then_some(f.p_value);
         json!({ "column": f.column, "group": f.group, "what": f.what, "inside": f.inside, "outside": f.outside, "p_value": p_value, "onset": onset, "new": new })
     };
@@ -137,7 +139,7 @@ pub fn page(rows: &[Row], s: &Summary, folder: &Path) -> String {
         h1 { "Fleet" }
         p { (s.rows) " recordings, " (s.unusable) " unusable" }
         dl.facts {
-            dt { "with a cause" } dd { (rate(s.faulty)) br; span.soft { (corrected(s)) } }
+            dt { "with a cause" } dd { (rate(s.faulty)) br; span.soft.flags { (super::page::prose(&corrected(s))) } }
             dt { "something unknown" } dd { (rate(s.unknown)) }
             dt { "nothing" } dd { (rate(s.healthy)) }
         }
@@ -182,10 +184,10 @@ fn grouping(done: &[&Row]) -> Vec<(String, Groups)> {
 fn pareto(s: &Summary, done: &[&Row]) -> Markup {
     let most = s.effects.first().map_or(1, |e| e.1).max(1);
     html! {
-        .card.scroll { table.pareto {
+        @if s.effects.is_empty() { p.soft { "No valve has a cause." } } @else { .card.scroll { table.pareto {
             thead { tr { th { "effect" } th.num { "valves" } th { "" } } }
             tbody { @for (id, n) in &s.effects { tr { td { (id) } td.num { (n) } td.wide { span.gauge.fail { i style={ "width:" (100 * n / most) "%" } {} } } } } }
-        } }
+        } } }
         @for (column, groups) in grouping(done) {
             h3 { "By " (column) }
             .card.scroll { table {
@@ -224,16 +226,26 @@ fn parameters(done: &[&Row]) -> Markup {
     html! {
         @if dots.is_empty() { p.soft { "No effect has five values over a number of the list." } }
         @for ((label, column), dots) in dots.iter().take(24) {
-            @let step = dots.len().div_ceil(MOST_DOTS);
-            @let x: Vec<f64> = dots.iter().step_by(step).map(|d| d.0).collect();
-            @let whiskers = dots.iter().step_by(step).filter(|d| d.2.is_finite());
-            @let (wx, wy) = whiskers.flat_map(|d| [(d.0, d.1 - d.2), (d.0, d.1 + d.2), (d.0, f64::NAN)]).unzip::<f64, f64, Vec<f64>, Vec<f64>>();
-            .card { (Figure::new(label.clone(), column.clone(), label.clone())
-                .series("95 % interval", Color::Neutral, Stroke::Thin, wx, wy)
-                .series("valves", Color::Measured, Stroke::Points, x, dots.iter().step_by(step).map(|d| d.1).collect())
-                .height(200).render()) }
+            (over(done, label, column, dots))
         }
     }
+}
+
+fn over(done: &[&Row], label: &str, column: &str, dots: &[Dot]) -> Markup {
+    let (low, high) = dots.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), d| (l.min(d.0), h.max(d.0)));
+    // Dates count from the first one; nothing lies on the edge.
+    let (from, axis) =
+        if holds_dates(done, column) { (low, format!("{column} [days since {}]", date(low))) } else { (0.0, column.to_owned()) };
+    let margin = if high > low { 0.03 * (high - low) } else { 1.0 };
+    let drawn: Vec<Dot> = dots.iter().step_by(dots.len().div_ceil(MOST_DOTS)).map(|d| (d.0 - from, d.1, d.2)).collect();
+    let whiskers = drawn.iter().filter(|d| d.2.is_finite());
+    let (wx, wy) = whiskers.flat_map(|d| [(d.0, d.1 - d.2), (d.0, d.1 + d.2), (d.0, f64::NAN)]).unzip();
+    Figure::new(format!("{label} over {column}"), axis, label)
+        .series("95 % interval", Color::Neutral, Stroke::Thin, wx, wy)
+        .series("valves", Color::Measured, Stroke::Points, drawn.iter().map(|d| d.0).collect(), drawn.iter().map(|d| d.1).collect())
+        .ranges(Some((low - from - margin, high - from + margin)), None)
+        .height(200)
+        .render()
 }
 
 fn valves(done: &[&Row], folder: &Path) -> Markup {
@@ -241,16 +253,16 @@ fn valves(done: &[&Row], folder: &Path) -> Markup {
     let base = |r: &Row| r.rmse_bar.get("base").copied().unwrap_or(0.0);
     apart.sort_by(|a, b| base(b).total_cmp(&base(a)));
     html! {
-        .card.scroll { table {
-            thead { tr { th { "id" } th { "verdict" } th { "effects" } th.num { "error before, bar" } th { "" } } }
+        @if apart.is_empty() { p.soft { "None." } } @else { .card.scroll { table.verdicts {
+            thead { tr { th { "id" } th { "verdict" } th { "effects" } th.num { "error before" } th { "from the list" } } }
             tbody { @for row in apart.iter().take(MOST_ROWS) { tr {
                 td { @if let Some(d) = &row.document { a href=(link(d, folder)) { (row.id) } } @else { (row.id) } }
-                td { (row.verdict.as_deref().unwrap_or("-")) }
+                td.verdict { (row.verdict.as_deref().unwrap_or("-").replace('_', " ")) }
                 td { (row.effects.iter().map(|e| e.id.as_str()).collect::<Vec<_>>().join(", ")) @if row.is_unknown() { (row.remainder.as_deref().unwrap_or("")) } }
-                td.num { (format!("{:.3}", base(row))) }
-                td { (row.tags.iter().map(|(k, v)| format!("{k} {v}")).collect::<Vec<_>>().join(", ")) }
+                td.num { (format!("{:.3} bar", base(row))) }
+                td.what { (row.tags.iter().map(|(k, v)| format!("{k} {v}")).collect::<Vec<_>>().join(", ")) }
             } } }
-        } }
+        } } }
         @if apart.len() > MOST_ROWS { p.soft { "and " (apart.len() - MOST_ROWS) " more in the table" } }
     }
 }

@@ -24,11 +24,12 @@ run("identify", "recordings/sweep.csv", "-o", "valves/valve.toml", "--report", "
 run("inspect", "recordings/logger.csv", "-o", "log.map.toml");
 run("diagnose", "recordings/logger.csv", "--mapping", "log.map.toml", "--model", "valve", "-o", "valves/augmented.toml", "--report", "diagnose.html");
 run("batch", "tipin", "--valve", "paper", "--count", "400", "--sim", "--population", "population", "--out", "batch");
+run("diagnose", "recordings/sweep.csv", "--map", "current_a=1000 * current_a", "--model", "valve", "--report", "strangers.html");
 run("compare", "run", "valve", "augmented", "-o", "compare.html");
 // The largest weight of a page [bytes].
 const pages = {
   run: ["run/report.html", 1.0e6], identify: ["identify.html", 1.5e6], diagnose: ["diagnose.html", 1.5e6],
-  batch: ["batch/report.html", 2.0e6], compare: ["compare.html", 1.5e6],
+  batch: ["batch/report.html", 2.0e6], compare: ["compare.html", 1.5e6], strangers: ["strangers.html", 1.5e6],
 };
 
 const browser = await chromium.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium", args: ["--no-sandbox", "--disable-gpu"] });
@@ -51,6 +52,12 @@ for (const [name, [file, largest]] of Object.entries(pages)) {
     for (const verdict of await page.locator("table.verdicts td.verdict").all()) { const box = await verdict.boundingBox(); if (!box || box.x + box.width > width) { check(`${what}: a row's verdict is on the screen`, false, JSON.stringify(box)); break; } }
     const hidden = await page.evaluate(() => [...document.querySelectorAll("table.heat td.cell, table.tried td, table.pareto td")].filter((n) => n.checkVisibility() && n.getBoundingClientRect().right > innerWidth).length);
     check(`${what}: every place of the error and every reason is on the screen`, hidden === 0, `${hidden} cells`);
+    const covered = await page.evaluate(() => [...document.querySelectorAll("figure.plot")].filter((n) => {
+      if (!n.checkVisibility()) return false;
+      const label = n.querySelector(".y-label span").getBoundingClientRect();
+      return [...n.querySelectorAll(".y-ticks span")].some((t) => { const r = t.getBoundingClientRect(); return r.left < label.right - 1 && r.bottom > label.top && r.top < label.bottom; });
+    }).map((n) => n.querySelector(".title").textContent));
+    check(`${what}: no value stands on the name of its axis`, covered.length === 0, covered.join("; "));
     await use(page, what, width === 480);
     check(`${what}: no error of the script`, errors.length === 0, errors.join("; "));
     check(`${what}: nothing is fetched`, fetched.length === 0, fetched.join("; "));

@@ -170,6 +170,13 @@ fn bad_input_gets_an_answer_instead_of_a_diagnosis() {
     let written = contains("no model and no plan is written");
     bench.hil(&arguments).success().stdout(contains("NOT COMPARABLE").and(contains("[mA]"))).stderr(written);
     assert!(!bench.at("augmented.toml").exists() && !bench.at("next.toml").exists());
+    // Nothing was fitted, so the page shows nothing of a fit; and a pressure of tens of thousands of bar has no thousandths.
+    bench.hil(&[&arguments[..4], &["--report", "strangers.html"]].concat()).success();
+    let page = bench.text("strangers.html");
+    let shown = ["recalibrated", "What was tried", "held out"].map(|of_a_fit| page.contains(of_a_fit));
+    assert!(page.contains("NOT COMPARABLE") && shown == [false; 3], "{shown:?}");
+    let figure = page.split("model as given</div><div class=\"value\">").nth(1).unwrap().split(' ').next().unwrap();
+    assert!(figure.parse::<f64>().unwrap() > 1e4 && !figure.contains('.'), "{figure}");
     let out = bench.hil(&[&arguments[..4], &["--format", "json", "--fail-on", "mismatch"]].concat()).code(1);
     let json: Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
     assert_eq!((json["verdict"].as_str(), json["mistake"]["kind"].as_str()), (Some("not_comparable"), Some("current")));

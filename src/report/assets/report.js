@@ -113,7 +113,8 @@
       mark.style.left = 100 * l + "%"; mark.style.top = 100 * t + "%"; mark.style.visibility = l < 0 || l > 1 || t < 0 || t > 1 ? "hidden" : "";
     }
     f.node.classList.toggle("zoomed", !whole);
-    if (whole) { f.xTicks.innerHTML = f.plain[0]; f.yTicks.innerHTML = f.plain[1]; f.grid.setAttribute("d", f.plain[2]); return; }
+    const room = () => { const most = Math.max(...[...f.yTicks.children].map((s) => s.textContent.length - Math.floor((s.textContent.match(/[^0-9a-z]/gi) || []).length / 2))); f.yTicks.parentNode.style.setProperty("--ticks", most > 4 ? most + "ch" : "0ch"); };
+    if (whole) { f.xTicks.innerHTML = f.plain[0]; f.yTicks.innerHTML = f.plain[1]; f.grid.setAttribute("d", f.plain[2]); room(); return; }
     let grid = ""; f.xTicks.textContent = ""; f.yTicks.textContent = "";
     for (const [v, text] of ticks(f.x.value(f.a), f.x.value(f.b), f.x.log, Math.max(3, Math.min(8, f.area.clientWidth / 80)))) {
       const s = el("span", "", text); s.style.left = 100 * px(f.x.place(v)) + "%"; f.xTicks.append(s);
@@ -123,7 +124,7 @@
       const s = el("span", "", text); s.style.top = 100 * py(f.y.place(v)) + "%"; f.yTicks.append(s);
       grid += `M${-9 * f.W} ${Math.round((1 - f.y.place(v)) * f.H)}H${9 * f.W}`;
     }
-    f.grid.setAttribute("d", grid);
+    f.grid.setAttribute("d", grid); room();
   };
   const partners = (f) => figures.filter((g) => g.xLabel === f.xLabel && g.x.from === f.x.from && g.x.to === f.x.to);
   // Zooms along x, together with the partners; y follows.

@@ -102,8 +102,10 @@ pub fn spectrum(d: &Diagnosis, story: &Story) -> Markup {
         .height(190)
         .scales(Scale::Log, Scale::Log)
         .line("model as given", Color::Error, x.clone(), story.spectrum.iter().map(|s| s.1).collect())
-        .line(after(d), Color::Good, x, story.spectrum.iter().map(|s| s.2).collect())
         .horizontal("white sensor noise", Color::Neutral, story.spectrum_noise);
+    if super::tables::is_fitted(d) {
+        figure = figure.line(after(d), Color::Good, x, story.spectrum.iter().map(|s| s.2).collect());
+    }
     if let Some((low, high)) = d.place.band_hz.filter(|b| b.0 < b.1 && b.0 > 0.0) {
         figure = figure.band_x("80 % of the error", Color::Error, low, high);
     }

@@ -65,10 +65,12 @@ pub fn page(found: &Diagnosed, story: &Story) -> String {
             (super::discovered::discovered(term))
             @if let Some(signature) = story.signature.as_ref().filter(|_| d.effects.is_empty()) { (drawings::signature(d, signature)) }
         }
-        h2 { "What was tried" }
-        (tables::candidates(d))
-        h2 { "How well each model does on data it has not seen" }
-        (tables::errors(d))
+        @if tables::is_fitted(d) {
+            h2 { "What was tried" }
+            (tables::candidates(d))
+            h2 { "How well each model does on data it has not seen" }
+            (tables::errors(d))
+        }
         h2 { "What to do next" }
         (tables::next(d, found.recalibration.is_some()))
         @if let Some(next) = &d.next_experiment { (drawings::experiment(next)) }

@@ -9,12 +9,12 @@ use crate::physics::effect;
 pub fn tiles(d: &Diagnosis) -> Markup {
     let e = &d.rmse_bar;
     let tile = |name: &str, value: f64, note: &str| {
-        html! { .tile { .name { (name) } .value { (format!("{value:.3}")) " " small { "bar" } } .note { (note) } } }
+        html! { .tile { .name { (name) } .value { (bar(value)) " " small { "bar" } } .note { (note) } } }
     };
     html! {
         .tiles {
             (tile("model as given", e.base, "RMS error, all data"))
-            (tile("recalibrated", e.refit_heldout, "RMS error, held-out data"))
+            @if is_fitted(d) { (tile("recalibrated", e.refit_heldout, "RMS error, held-out data")) }
             @if d.discovered.is_some() {
                 (tile(if d.effects.is_empty() { "with the term" } else { "with what is missing" }, e.augmented_heldout, "RMS error, data that the search has not seen"))
             } @else if !d.effects.is_empty() {
@@ -26,6 +26,17 @@ pub fn tiles(d: &Diagnosis) -> Markup {
             }
         }
     }
+}
+
+/// Whether anything was fitted: of what does not belong together, nothing is.
+pub fn is_fitted(d: &Diagnosis) -> bool {
+    d.verdict != Verdict::NotComparable
+}
+
+/// An error in mbar, and a large one with five digits.
+fn bar(value: f64) -> String {
+    let digits = (4 - value.abs().max(1.0).log10().floor() as i32).clamp(0, 3) as usize;
+    format!("{value:.digits$}")
 }
 
 /// Part of the misfit above the noise that the effects take away.
@@ -44,7 +55,7 @@ pub fn strips(d: &Diagnosis, story: &Story) -> Markup {
     // Colour grows from the noise to the worst cell.
     let percent = |rms: f64| if worst > noise { (80.0 * (rms - noise) / (worst - noise)).clamp(0.0, 80.0) } else { 0.0 };
     let row = |cells: &[Cell], of: &dyn Fn(&Cell) -> f64| {
-        html! { @for cell in cells { td.cell style={ "--p:" (format!("{:.0}", percent(of(cell)))) "%" } { (format!("{:.3}", of(cell))) } } }
+        html! { @for cell in cells { td.cell style={ "--p:" (format!("{:.0}", percent(of(cell)))) "%" } { (bar(of(cell))) } } }
     };
     let changed = d.adds();
     let most = story.strips.iter().map(|s| s.cells.len()).max().unwrap_or_default();

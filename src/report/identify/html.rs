@@ -69,7 +69,7 @@ fn tiles(found: &Identified) -> Markup {
     html! {
         .tiles {
             (tile("RMSE of the model", format!("{:.4}", found.rmse_bar), "bar", format!("sensor noise {:.4} bar", valve.noise_bar)))
-            (tile("pressure explained", format!("{:.3}", found.quality.fit_percent), "%", if found.quality.adequate { "the form fits".into() } else { "the form does not fit".into() }))
+            (tile("pressure explained", explained(found.quality.fit_percent), "%", if found.quality.adequate { "the form fits".into() } else { "the form does not fit".into() }))
             (tile("RMSE of the average model", format!("{:.4}", found.rmse_average_model_bar), "bar", "mean of both curves".into()))
             @let (delay, unit) = time(found, "delay", valve.delay_s);
             @let range = [valve.delay_range_s.0, valve.delay_range_s.1].map(|t| if valve.delay_s < 1.0 { format!("{:.1} ms", 1e3 * t) } else { format!("{t:.1} s") });
@@ -85,6 +85,11 @@ fn tiles(found: &Identified) -> Markup {
             (tile("curves seen", format!("{low:.3} .. {high:.3}"), "A", valve.floor_bar.map_or(String::new(), |f| format!("floor {f:.2} bar"))))
         }
     }
+}
+
+/// A share in the digits that it has, and never rounded to all.
+fn explained(percent: f64) -> String {
+    if percent > 99.995 { "> 99.99".into() } else { format!("{percent:.2}") }
 }
 
 /// A sweep is a line; step tests jump, and lines between their samples would say what was not measured.
@@ -115,7 +120,12 @@ fn loops(found: &Identified) -> Markup {
 /// The loop magnified: measured and model less the average of both curves.
 fn closer(found: &Identified) -> Markup {
     let curves = &found.valve.curves;
-    let off = |current: &[f64], bar: &[f64]| current.iter().zip(bar).map(|(i, p)| p - curves.average_at(*i)).collect::<Vec<f64>>();
+    let seen = found.seen_a();
+    // At a floor, and beyond what was seen, the average curve is a polynomial carried on: the loop would be a small part of the picture.
+    let off = |current: &[f64], bar: &[f64]| {
+        let less = |(i, p): (&f64, &f64)| if (seen.0..=seen.1).contains(i) { p - curves.average_at(*i) } else { f64::NAN };
+        current.iter().zip(bar).map(less).collect::<Vec<f64>>()
+    };
     let mut figure = Figure::new("The same, less the average curve", "current [A]", "pressure - average [bar]").height(420);
     for (n, trace) in found.traces.iter().enumerate() {
         let name = if n == 0 { "measured" } else { "" };
@@ -127,7 +137,10 @@ fn closer(found: &Identified) -> Markup {
     if found.valve.hysteresis != crate::valve::Hysteresis::None {
         figure = figure.dashed("descending curve", Color::Descending, c.current_a.clone(), off(&c.current_a, &c.descending_bar));
     }
-    figure.caption("What lies between the curves is the hysteresis; a lag widens a fast loop beyond them.").render()
+    figure
+        .ranges(Some(seen), None)
+        .caption("What lies between the curves is the hysteresis; a lag widens a fast loop beyond them. Drawn where the recording shows the curves.")
+        .render()
 }
 
 fn over_current(found: &Identified) -> Markup {

@@ -8,9 +8,20 @@ use super::axis::Axis;
 use super::thin::{HEIGHT, Point, WIDTH, thin};
 use super::{Figure, Marker, Series, Stroke};
 
+/// Digits of a value beside the vertical axis for which every figure has room.
+const SHORT: usize = 4;
+
+/// How many digits a text is as wide as: signs and points are half as wide.
+fn digits(text: &str) -> usize {
+    let narrow = text.chars().filter(|c| !c.is_alphanumeric()).count();
+    text.chars().count() - narrow / 2
+}
+
 pub(super) fn figure(figure: &Figure) -> Markup {
     let (x, y) = axes(figure);
     let view = format!("0 0 {WIDTH} {HEIGHT}");
+    let y_ticks = y.ticks((figure.height_px / 34).max(4) as usize);
+    let longest = y_ticks.iter().map(|t| digits(&t.text)).max().unwrap_or_default();
     html! {
         figure.plot data-x-label=(figure.x_label) data-x-from=(x.from) data-x-to=(x.to) data-x-log=(x.scale == super::Scale::Log)
             data-y-label=(figure.y_label) data-y-from=(y.from) data-y-to=(y.to) data-y-log=(y.scale == super::Scale::Log) {
@@ -22,10 +33,10 @@ pub(super) fn figure(figure: &Figure) -> Markup {
                     }
                 }
             }
-            .frame {
+            .frame style=[(longest > SHORT).then(|| format!("--ticks:{longest}ch"))] {
                 .y-label { span { (figure.y_label) } }
                 .y-ticks {
-                    @for tick in y.ticks((figure.height_px / 34).max(4) as usize) {
+                    @for tick in y_ticks {
                         span style={ "top:" (percent(1.0 - tick.place)) } { (tick.text) }
                     }
                 }
@@ -235,7 +246,7 @@ fn labels(figure: &Figure, x: &Axis, y: &Axis) -> Markup {
             @let left = marker.x.map_or(if place == "near" { 0.0 } else { 1.0 }, |v| x.place(v));
             @let top = marker.y.map_or(0.0, |v| 1.0 - y.place(v));
             @if (0.0..=1.0).contains(&left) && (0.0..=1.0).contains(&top) {
-                span.marker-label.(marker.color.class()).flip[left > 0.72].low[top < 0.08].lower[place == "low"].near[place == "near"] data-x=[marker.x] data-y=[marker.y] style={ "left:" (percent(left)) ";top:" (percent(top)) } { (marker.label) }
+                span.marker-label.(marker.color.class()).flip[left > 0.72].low[top < 0.08].lower[place == "low"].near[place == "near"].above[marker.x.is_none() && top >= 0.08] data-x=[marker.x] data-y=[marker.y] style={ "left:" (percent(left)) ";top:" (percent(top)) } { (marker.label) }
             }
         }
     }
@@ -278,6 +289,19 @@ mod tests {
         let up = [0.0, 0.3, 0.35, 1.0].iter().fold(Figure::new("f", "x", "y"), |f, v| f.vertical("rule", Color::Error, *v));
         let (x, y) = axes(&up);
         assert_eq!(places(&up, &x, &y), ["", "low", "", ""]);
+    }
+
+    #[test]
+    fn long_values_beside_the_axis_get_room_and_the_label_of_a_rule_stands_above_it() {
+        let to = |top: f64| {
+            Figure::new("f", "x", "y").line("l", Color::Error, vec![0.0, 1.0], vec![-top, top]).horizontal("rule", Color::Error, 0.0)
+        };
+        let (long, short) = (to(40_000.0).render().into_string(), to(40.0).render().into_string());
+        assert!(
+            long.contains("--ticks:6ch") && to(20_000.0).render().into_string().contains("--ticks:6ch") && !short.contains("--ticks"),
+            "{long}"
+        );
+        assert!(short.contains("flip above"), "{short}");
     }
 
     #[test]
