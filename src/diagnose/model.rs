@@ -78,7 +78,7 @@ pub const VALVE_STEP_S: f64 = 0.01;
 const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 
 /// How far a good calibration may be off. A slow sweep shows the sum of delay and lag well, and how it is split hardly.
-const CALIBRATION: Base<f64> = Base { gain: 0.003, offset: 0.03, width: 0.08, ln_a: 0.7, late: 0.0015, lag: USUAL_LAG_S.1 };
+pub const CALIBRATION: Base<f64> = Base { gain: 0.003, offset: 0.03, width: 0.08, ln_a: 0.7, late: 0.0015, lag: USUAL_LAG_S.1 };
 
 /// A base valve with a list of effects.
 #[derive(Clone)]

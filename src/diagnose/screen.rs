@@ -1,12 +1,12 @@
 //! Fits from several starts: many for a few steps, the best to the end.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix4, Vector4};
 
 use super::base::{AT, BASE};
 use super::descent::Descent;
 use super::fit::{Fit, Fitter, clamped, shifted};
 use super::loss;
-use super::model::{Model, Simulator, UNSEEN_LAG_S};
+use super::model::{CALIBRATION, Model, Simulator, UNSEEN_LAG_S};
 
 /// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
 const HOPELESS_NATS: f64 = -30.0;
@@ -28,6 +28,8 @@ const AT_THE_END_NATS: f64 = 0.3;
 /// How many starts make room for the effect, and how many of these go on: for a first effect, and beside others.
 const FIRST: (usize, usize) = (6, 3);
 const LATER: (usize, usize) = (4, 2);
+/// Of those from a base that gives back what the effect delays, so many besides.
+const LATER_BASE: usize = 2;
 
 impl Fitter<'_> {
     /// Fits `model`, whose last effect is new.
@@ -50,17 +52,30 @@ impl Fitter<'_> {
         let mut calibrated = incumbent.theta.clone();
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
-        let mut tried: Vec<Fit<'a>> = Vec::new();
+        let (mut tried, mut later): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
         let starts = self.in_proportion(&mut simulator, model, incumbent, starts);
-        for values in &starts {
-            for base in [&incumbent.theta, &calibrated] {
-                let theta = [base.as_slice(), values.as_slice()].concat();
-                tried.push(self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual));
+        // A loop that widens looks late as well.
+        let of_course = !model.effects[held].imitates_form();
+        for (values, later_s) in &starts {
+            // What the effect delays the base gives back.
+            let mut given_back = incumbent.theta.clone();
+            given_back[AT.late] = (given_back[AT.late] + later_s).max(0.0);
+            given_back[AT.lag] = given_back[AT.lag].min(given_back[AT.late]);
+            let mut from = |base: &[f64]| {
+                let theta = [base, values.as_slice()].concat();
+                self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual)
+            };
+            tried.extend([&incumbent.theta, &calibrated].map(|base| from(base)));
+            if of_course && later_s.abs() > CALIBRATION.late * model.slowness {
+                later.push(from(&given_back));
             }
         }
         let order = |a: &Fit<'_>, b: &Fit<'_>| self.objective(a).total_cmp(&self.objective(b));
-        tried.sort_by(order);
-        tried.truncate(effort.0);
+        for (fits, most) in [(&mut tried, effort.0), (&mut later, LATER_BASE)] {
+            fits.sort_by(order);
+            fits.truncate(most);
+        }
+        tried.append(&mut later);
         // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back.
         let mut tried: Vec<Fit<'a>> = tried
             .iter()
@@ -75,29 +90,51 @@ impl Fitter<'_> {
     }
 
     /// The starts with the amplitude, where the last effect of `model` has one, at which what it does comes nearest to what the
-    /// incumbent leaves, while gain and offset of the base make room for it: the linear part of the fit is solved, and only the rest
-    /// has to be tried (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
-    fn in_proportion(&self, simulator: &mut Simulator<'_>, model: &Model<'_>, incumbent: &Fit<'_>, starts: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let Some(amplitude) = model.effects.last().and_then(|e| e.amplitude()) else { return starts.to_vec() };
-        let range = model.free()[incumbent.theta.len() + amplitude].range;
+    /// incumbent leaves, and by how much later the base would be then [s], while its gain and offset make room: the part of the fit
+    /// that is linear, or nearly so, is solved, and only the rest has to be tried (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
+    fn in_proportion(
+        &self,
+        simulator: &mut Simulator<'_>,
+        model: &Model<'_>,
+        incumbent: &Fit<'_>,
+        starts: &[Vec<f64>],
+    ) -> Vec<(Vec<f64>, f64)> {
+        let amplitude = model.effects.last().and_then(|e| e.amplitude());
+        let range = amplitude.map(|at| model.free()[incumbent.theta.len() + at].range);
         let (mut given, mut with) = (Vec::new(), Vec::new());
         simulator.pressure(&incumbent.model, &incumbent.theta, &mut given);
         let solved = |start: &Vec<f64>| {
             simulator.pressure(model, &[incumbent.theta.as_slice(), start].concat(), &mut with);
-            let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-            for ((y, p), q) in self.measured.iter().zip(&given).zip(&with).filter(|((y, _), _)| y.is_finite()) {
-                let row = Vector3::new(q - p, 1.0, *p);
+            let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+            let mut before = with.first().copied().unwrap_or_default();
+            for ((y, p), q) in self.measured.iter().zip(&given).zip(&with) {
+                let later = before - q;
+                before = *q;
+                if !y.is_finite() || !later.is_finite() {
+                    continue;
+                }
+                // Without an amplitude it is there as it stands.
+                let (stands, own) = if amplitude.is_some() { (p, q - p) } else { (q, 0.0) };
+                let row = Vector4::new(own, 1.0, *p, later);
                 let weight = if self.squared { 1.0 } else { loss::weight(y - p, incumbent.scale_bar) };
                 normal += weight * row * row.transpose();
-                right += weight * (y - p) * row;
+                right += weight * (y - stands) * row;
             }
-            let times = normal.try_inverse().map_or(f64::NAN, |inverse| (inverse * right)[0]);
-            let value = times * start[amplitude];
+            if amplitude.is_none() {
+                normal[(0, 0)] = 1.0;
+            }
+            let later_s = normal.try_inverse().map_or(0.0, |inverse| (inverse * right)[3]) * self.evidence.step_s();
+            // With the base as late as it is.
+            let (as_late, wanted) = (normal.fixed_view::<3, 3>(0, 0).into_owned(), right.fixed_rows::<3>(0));
+            let times = as_late.try_inverse().map_or(f64::NAN, |inverse| (inverse * wanted)[0]);
             let mut values = start.clone();
-            if value.is_finite() && (range.0..=range.1).contains(&value) && value != 0.0 {
-                values[amplitude] = value;
+            if let (Some(at), Some(range)) = (amplitude, range) {
+                let value = times * start[at];
+                if value.is_finite() && (range.0..=range.1).contains(&value) && value != 0.0 {
+                    values[at] = value;
+                }
             }
-            values
+            (values, if later_s.is_finite() { later_s } else { 0.0 })
         };
         starts.iter().map(solved).collect()
     }
