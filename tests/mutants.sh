@@ -11,7 +11,7 @@ top=$PWD; work=$top/target/mutants
 tool=$work/bin/cargo-mutants
 [ -x "$tool" ] || cargo install cargo-mutants --locked --root "$work"
 files=("$@")
-[ ${#files[@]} -gt 0 ] || files=(control/stability/*.rs batch/statistics/*.rs metrics/*.rs limits.rs valve/hyperbola.rs valve/curves.rs valve/polynomial.rs)
+[ ${#files[@]} -gt 0 ] || files=(control/stability/*.rs batch/statistics/*.rs batch/msa.rs batch/measuring.rs metrics/*.rs limits.rs valve/hyperbola.rs valve/curves.rs valve/polynomial.rs)
 
 # The package of a room: its modules, and the modules that it uses.
 package() {
@@ -43,9 +43,9 @@ T
         control) # the stability of the loop, and the gains that it speaks of
             mkdir "$package/src/control"; cp -r src/control/stability "$package/src/control/"
             { echo 'pub mod stability;'; sed -n '/^\/\/\/ Gains of the PI/,$p' src/control/mod.rs | sed '/^#\[cfg(test)\]/,$d'; } > "$package/src/control/mod.rs" ;;
-        batch) # its statistics
-            mkdir "$package/src/batch"; cp -r src/batch/statistics "$package/src/batch/"
-            echo 'pub mod statistics;' > "$package/src/batch/mod.rs" ;;
+        batch) # its statistics, and the studies of the measuring system
+            mkdir "$package/src/batch"; cp -r src/batch/statistics src/batch/msa.rs src/batch/measuring.rs "$package/src/batch/"
+            printf 'pub mod %s;\n' measuring msa statistics > "$package/src/batch/mod.rs" ;;
         *)
             if [ -d "src/$module" ]; then cp -r "src/$module" "$package/src/"; else cp "src/$module.rs" "$package/src/"; fi ;;
         esac

@@ -144,6 +144,11 @@ mod tests {
         assert_eq!(found.capable, Some(true));
         assert!((found.smallest_tolerance / 0.12 * 0.3 - mp).abs() < 1e-12);
         assert_eq!(measuring_capability(&study(0.02, 0.002, 0.0), &instrument, Some(0.12)).capable, Some(false));
+        // Calibration 0.003 and linearity 0.004 are 0.005, with an interaction of 0.012 they are 0.013.
+        let linearity = Some(-0.004 * 3f64.sqrt());
+        let instrument = Instrument { calibration_uncertainty: Some(0.006), resolution: Some(0.0), linearity, ..Instrument::default() };
+        let found = measuring_capability(&study(0.0, 0.0, 0.012), &instrument, Some(0.1));
+        assert!((found.q_ms.value.unwrap() - 0.2).abs() < 1e-12 && (found.q_mp.value.unwrap() - 0.52).abs() < 1e-12, "{found:?}");
     }
 
     #[test]

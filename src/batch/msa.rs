@@ -171,7 +171,8 @@ pub fn gauge_study(study: &Study, tolerance: Option<f64>) -> Result<GaugeStudy, 
         AnovaLine { source: source.into(), freedom: freedom[k], squares, mean_square: Some(ms[k]), f, p_value }
     };
     let interaction_line = line("interaction", 2, interaction, Some(3));
-    let pooled = interaction_line.p_value.is_none_or(|p| p >= POOLING_LEVEL);
+    // Where every reading repeats there is no F: any interaction is more than that.
+    let pooled = interaction_line.p_value.map_or(interaction == 0.0, |p| p >= POOLING_LEVEL);
     let anova = vec![
         line("part", 0, parts, Some(2)),
         line("appraiser", 1, appraisers, Some(2)),
@@ -336,6 +337,30 @@ mod tests {
         assert_eq!(g.distinct_categories.value, Some(0));
     }
 
+    /// A coarse gauge repeats every reading, by hand: cells 1 | 2 and 3 | 6. Interaction 2 with one degree of freedom, appraisers 8, parts 18.
+    #[test]
+    fn where_every_reading_repeats_an_interaction_is_kept() {
+        let of = |cells: [f64; 4]| {
+            let [a, b, c, d] = cells.map(|v| vec![v; 2]);
+            gauge_study(&Study { values: vec![vec![a, b], vec![c, d]], ..Study::default() }, None).unwrap()
+        };
+        let found = of([1.0, 2.0, 3.0, 6.0]);
+        let variances: Vec<(&str, f64)> = found.components.iter().map(|c| (c.source.as_str(), c.variance)).collect();
+        assert_eq!(variances[..2], [("gauge", 2.5), ("repeatability", 0.0)]);
+        assert_eq!(variances[3..6], [("appraiser", 1.5), ("interaction", 1.0), ("part", 4.0)]);
+        assert!(!found.pooled && found.anova[2].f.is_none() && found.anova[2].p_value.is_none());
+        // With nothing but parts there is no gauge to count categories by.
+        let found = of([1.0, 1.0, 3.0, 3.0]);
+        assert!(found.pooled && found.distinct_categories.absent.unwrap().contains("resolution"));
+    }
+
+    /// Six deviations of 1 of a tolerance of 60 are 10 %, of 20 they are 30 %.
+    #[test]
+    fn the_verdict_changes_at_ten_and_thirty_percent() {
+        let verdict = |tolerance| conclude((2, 2, 2), Vec::new(), true, [1.0, 0.0, 0.0, 3.0], Some(tolerance)).verdict;
+        assert_eq!([60.1, 60.0, 20.0, 19.9].map(verdict), ["acceptable", "conditional", "conditional", "unacceptable"]);
+    }
+
     #[test]
     fn what_cannot_be_evaluated_is_refused() {
         let mut study = aiag();
@@ -344,7 +369,10 @@ mod tests {
         let mut study = aiag();
         study.values[0][2][1] = f64::NAN;
         assert!(matches!(gauge_study(&study, None), Err(MsaError::Missing { trial: 2, .. })));
-        assert!(matches!(gauge_study(&Study::default(), None), Err(MsaError::TooSmall { .. })));
+        for (parts, appraisers, trials) in [(0, 0, 0), (1, 2, 2), (2, 1, 2), (2, 2, 1)] {
+            let study = Study { values: vec![vec![vec![1.0; trials]; appraisers]; parts], ..Study::default() };
+            assert_eq!(gauge_study(&study, None), Err(MsaError::TooSmall { parts, appraisers, trials }));
+        }
         let flat = Study { values: vec![vec![vec![1.0; 2]; 2]; 2], ..Study::default() };
         assert_eq!(gauge_study(&flat, None), Err(MsaError::Constant));
     }
