@@ -11,7 +11,7 @@ top=$PWD; work=$top/target/mutants
 tool=$work/bin/cargo-mutants
 [ -x "$tool" ] || cargo install cargo-mutants --locked --root "$work"
 files=("$@")
-[ ${#files[@]} -gt 0 ] || files=(control/stability/*.rs batch/statistics/*.rs batch/msa.rs batch/measuring.rs metrics/*.rs limits.rs valve/hyperbola.rs valve/curves.rs valve/polynomial.rs)
+[ ${#files[@]} -gt 0 ] || files=(control/stability/*.rs batch/statistics/*.rs batch/msa.rs batch/measuring.rs metrics/*.rs limits.rs valve/hyperbola.rs valve/free.rs valve/path.rs valve/curves.rs valve/polynomial.rs)
 
 # The package of a room: its modules, and the modules that it uses.
 package() {
@@ -67,7 +67,7 @@ for room in control batch metrics limits valve; do
     # shellcheck disable=SC2086
     (cd "$work/$room" && CARGO_TARGET_DIR=$work/target PROPTEST_DISABLE_FAILURE_PERSISTENCE=1 "$tool" mutants "${only[@]}" --in-place --no-shuffle --minimum-test-timeout 20 --timeout-multiplier 5 -o "$work/$room" ${MUTANTS:-} -- \
         --lib -- "${skipped[@]}") || status=$?
-    [ "$status" -le 3 ] || exit "$status"
+    case $status in 0|2|3) ;; *) exit "$status" ;; esac # 2: some live, 3: some never end; the rest is no run
     while read -r line; do
         if sed 's/\\|/|/g' docs/mutants.md | grep -F "\`$line\`" > /dev/null; then echo "known: $line"; else echo "LIVES: $line"; lives=1; fi
     done < <(sed 's/:[0-9]*:[0-9]*:/:/' "$work/$room/mutants.out/missed.txt" | sort -u)

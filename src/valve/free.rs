@@ -20,6 +20,11 @@ pub const MOST_PLAYS: usize = 8;
 /// Widest play [half-widths of the loop].
 pub const WIDEST_PLAY: f64 = 64.0;
 
+/// How far the inverse looks at first [A].
+const FIRST_STEP_A: f64 = 1e-3;
+/// How often it looks farther, before it gives up at 10^16 A.
+const FARTHEST: i32 = 40;
+
 /// The stack: how wide each play is, and what it weighs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FreeLoop {
@@ -117,19 +122,12 @@ impl FreeState {
         }
         let direction = change.signum();
         let reached = |current_a: f64| direction * (self.clone().advance(curves, current_a) - pressure_bar) >= 0.0;
-        let span = curves.range_a.1 - curves.range_a.0;
-        let (mut near, mut step) = (self.current_a, 1e-3 * span);
-        let mut far = near + direction * step;
-        // Beyond the range both curves go on rising, so that every pressure is reached.
-        while !reached(far) && step < 1e9 * span {
-            (near, step) = (far, 2.0 * step);
-            far += direction * step;
-        }
+        // Beyond the range both curves go on rising, so that every pressure is reached; three times as far each time.
+        let at = |k: i32| self.current_a + direction * FIRST_STEP_A * 3f64.powi(k);
+        let mut far = (0..FARTHEST).map(at).find(|i| reached(*i)).unwrap_or_else(|| at(FARTHEST));
+        let mut near = self.current_a;
         for _ in 0..80 {
             let middle = 0.5 * (near + far);
-            if middle == near || middle == far {
-                break;
-            }
             if reached(middle) { far = middle } else { near = middle }
         }
         self.advance(curves, far);
@@ -225,6 +223,52 @@ mod tests {
         assert!((direct[3] - detour[7]).abs() < 1e-12);
         let nested = run(&[0.1, 0.7, 0.4, 0.55, 0.45, 0.55], 0.0);
         assert!((nested[3] - nested[5]).abs() < 1e-12);
+    }
+
+    /// On either curve and between them; a play starts as far from the average as it is wide, so that nothing jumps, and a curve is kept.
+    #[test]
+    fn a_start_lies_where_it_is_said_to() {
+        let c = paper();
+        for i in [0.2, 0.7] {
+            let (low, high) = (c.ascending_at(i), c.descending_at(i));
+            for (place, pressure) in
+                [(-1.0, low), (-2.0, low), (0.0, 0.5 * (low + high)), (0.5, 0.25 * low + 0.75 * high), (1.0, high), (3.0, high)]
+            {
+                let state = FreeState::start(stack(), &c, i, place);
+                assert!((state.pressure_bar() - pressure).abs() < 1e-12 && state.current_a() == i, "{i} {place}");
+                for step in [1e-9, -1e-9] {
+                    assert!((state.clone().advance(&c, i + step) - pressure).abs() < 1e-6, "{i} {place}");
+                }
+            }
+            assert!((FreeState::start(stack(), &c, i, -1.0).advance(&c, 0.9) - c.ascending_at(0.9)).abs() < 1e-12);
+            assert!((FreeState::start(stack(), &c, i, 1.0).advance(&c, 0.1) - c.descending_at(0.1)).abs() < 1e-12);
+        }
+    }
+
+    /// Asked for what stands, or for no number, nothing moves; any pressure is reached, however far.
+    #[test]
+    fn the_inverse_moves_no_more_than_it_must() {
+        let c = paper();
+        let mut state = FreeState::start(stack(), &c, 0.3, 0.0);
+        state.advance(&c, 0.6);
+        let (before, current, pressure) = (state.clone(), state.current_a(), state.pressure_bar());
+        assert_eq!((state.current_for(&c, pressure), state.current_for(&c, f64::NAN)), (current, current));
+        assert_eq!((state.advance(&c, current), state.advance(&c, f64::NAN)), (pressure, pressure));
+        assert_eq!(state, before);
+        for wanted in [pressure + 1e-9, pressure - 1e-9, 40.0, -40.0, 1e5, -1e5] {
+            let mut moved = state.clone();
+            let current = moved.current_for(&c, wanted);
+            assert!((moved.pressure_bar() - wanted).abs() < 1e-12 * wanted.abs().max(100.0), "{wanted}: {}", moved.pressure_bar());
+            assert!(moved.current_a() == current && (current - state.current_a()) * (wanted - pressure) > 0.0, "{wanted}");
+        }
+    }
+
+    #[test]
+    fn the_inverse_begins_without_a_current_too() {
+        let c = paper();
+        let mut state = FreeState::start(stack(), &c, 0.0, 0.0);
+        let current = state.current_for(&c, 5.0);
+        assert!((state.pressure_bar() - 5.0).abs() < 1e-12 && (0.1..0.5).contains(&current), "{current}");
     }
 
     #[test]

@@ -153,16 +153,24 @@ mod tests {
         let c = paper();
         let path: Vec<f64> = (0..400).map(|k| 0.5 + 0.3 * (f64::from(k) * 0.05).sin() + 0.1 * (f64::from(k) * 0.31).sin()).collect();
         let free = FreeLoop::new([(0.0, 0.3), (1.0, 0.4), (2.0, 0.3)]).unwrap();
-        for form in [Hysteresis::None, Hysteresis::Hyperbolic { a_bar2: 0.5 }, Hysteresis::Free(free)] {
+        let forms = [Hysteresis::None, Hysteresis::Hyperbolic { a_bar2: 0.5 }, Hysteresis::Free(free)];
+        assert_eq!(forms.map(|f| f.a_bar2()), [None, Some(0.5), None]);
+        assert_eq!(forms.map(|f| f.name()), ["none", "hyperbolic", "free"]);
+        for form in forms {
             let mut whole = vec![0.0; path.len()];
             form.run(&c, 0.5, &path, &mut whole);
             let mut state = form.start(&c, path[0]);
             let mut inverse = form.inverse(&c, path[0]);
+            assert_eq!(inverse.is_some(), form != Hysteresis::None);
             for (i, p) in path.iter().zip(&whole) {
-                assert!((state.advance(&c, *i) - p).abs() < 1e-9, "{}", form.name());
+                assert!((state.advance(&c, *i) - p).abs() < 1e-9 && (state.pressure_bar() - p).abs() < 1e-9, "{}", form.name());
                 if let Some(inverse) = &mut inverse {
-                    assert!((inverse.current_for(&c, *p) - i).abs() < 1e-6, "{}", form.name());
+                    assert!((inverse.current_for(&c, *p) - i).abs() < 1e-6 && (inverse.pressure_bar() - p).abs() < 1e-9, "{}", form.name());
                 }
+            }
+            if let Some(inverse) = &mut inverse {
+                inverse.follow(&c, 0.9);
+                assert!((inverse.pressure_bar() - state.advance(&c, 0.9)).abs() < 1e-6, "{}", form.name());
             }
         }
     }
