@@ -126,7 +126,8 @@ impl FreeState {
         let at = |k: i32| self.current_a + direction * FIRST_STEP_A * 3f64.powi(k);
         let mut far = (0..FARTHEST).map(at).find(|i| reached(*i)).unwrap_or_else(|| at(FARTHEST));
         let mut near = self.current_a;
-        for _ in 0..80 {
+        // A part in 2^60 of the bracket is less than the last digit of the current.
+        for _ in 0..60 {
             let middle = 0.5 * (near + far);
             if reached(middle) { far = middle } else { near = middle }
         }
