@@ -98,19 +98,10 @@ pub fn find(kind: Kind, name: &str, beside: Option<&Path>) -> Result<PathBuf, No
         let there = FILES.iter().any(|f| f.0 == place);
         return if there { Ok(name.into()) } else { Err(not_found(kind, name)) };
     }
-    let mut folders: Vec<PathBuf> = Vec::new();
-    if let Some(beside) = beside.filter(|b| !is_shipped(b)) {
-        folders.push(beside.into());
-        if Kind::ALL.iter().any(|k| beside.ends_with(k.folder())) {
-            folders.push(beside.join(".."));
-        }
-    }
-    folders.push(PathBuf::new());
-    folders.extend(project());
     let is_file = |path: &PathBuf| path.exists() && !path.is_dir();
     let direct = |folder: &Path| [folder.join(name), folder.join(format!("{name}.toml"))];
     let in_kind = |folder: &Path| direct(&folder.join(kind.folder()));
-    for folder in &folders {
+    for folder in &folders(beside) {
         let paths = if Path::new(name).is_absolute() || name.contains(['/', '\\']) {
             vec![folder.join(name)]
         } else {
@@ -125,6 +116,20 @@ pub fn find(kind: Kind, name: &str, beside: Option<&Path>) -> Result<PathBuf, No
         Some(bare) => Ok(PathBuf::from(format!("{PREFIX}{}/{bare}.toml", kind.folder()))),
         None => Err(not_found(kind, name)),
     }
+}
+
+/// The folders in which [`find`] looks, in its order.
+pub fn folders(beside: Option<&Path>) -> Vec<PathBuf> {
+    let mut folders: Vec<PathBuf> = Vec::new();
+    if let Some(beside) = beside.filter(|b| !is_shipped(b)) {
+        folders.push(beside.into());
+        if Kind::ALL.iter().any(|k| beside.ends_with(k.folder())) {
+            folders.push(beside.join(".."));
+        }
+    }
+    folders.push(PathBuf::new());
+    folders.extend(project());
+    folders
 }
 
 fn not_found(kind: Kind, name: &str) -> NotFound {

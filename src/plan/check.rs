@@ -50,7 +50,7 @@ impl Plan {
         let file = PlanFile::deserialize(Deserializer::from(root)).map_err(syntax)?;
         for (key, name) in [("model", &file.model), ("valve", &file.valve)] {
             let outside = |problem: String| PlanError::Document(document::underline_key(text, source_name, key, &problem));
-            name.as_deref().map_or(Ok(()), |name| territory::check(folder, name)).map_err(outside)?;
+            name.as_deref().map_or(Ok(()), |name| territory::check_valve(folder, name)).map_err(outside)?;
         }
         let source = Source { name: source_name.into(), text: text.into(), folder: folder.into() };
         let overridden = overrides.iter().map(|o| o.0.clone()).collect();

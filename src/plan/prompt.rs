@@ -229,8 +229,8 @@ pub(super) fn checked(file: &Spanned<PromptFile>, source: &Source) -> Result<Pro
 
 fn picture(file: &Spanned<PathBuf>, source: &Source) -> Result<Picture, Wrong> {
     let wrong = |problem: String| Wrong::new(file.span(), problem);
-    super::territory::check(&source.folder, &file.get_ref().to_string_lossy()).map_err(wrong)?;
     let path = source.folder.join(file.get_ref());
+    super::territory::check(&source.folder, &file.get_ref().to_string_lossy(), &path).map_err(wrong)?;
     let meta = std::fs::metadata(&path).map_err(|e| wrong(format!("{}: {e}", path.display())))?;
     if !meta.is_file() || meta.len() > PICTURE {
         return Err(wrong(format!("{}: a file of at most {} MB is wanted", path.display(), PICTURE >> 20)));

@@ -274,7 +274,7 @@ impl Builder<'_> {
     fn table(&mut self, file: &Spanned<String>) -> Result<(), Wrong> {
         let path = self.folder.join(file.get_ref());
         let wrong = |problem: String| Wrong::new(file.span(), format!("{}: {problem}", path.display()));
-        super::territory::check(self.folder, file.get_ref()).map_err(|problem| Wrong::new(file.span(), problem))?;
+        super::territory::check(self.folder, file.get_ref(), &path).map_err(|problem| Wrong::new(file.span(), problem))?;
         let (kind, rows) = super::stimulus_table::read(&path).map_err(wrong)?;
         self.same_kind(kind, file.span())?;
         for pair in rows.windows(2) {

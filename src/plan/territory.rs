@@ -4,6 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::shipped;
+use crate::valve::Valve;
+
 /// Set by the person at the command line, for the whole process.
 static ANYWHERE: AtomicBool = AtomicBool::new(false);
 
@@ -20,22 +23,25 @@ pub fn project(folder: &Path) -> PathBuf {
     folder.ancestors().find(marked).unwrap_or(&folder).to_path_buf()
 }
 
-/// Refuses a file that a plan in `folder` names and that exists outside of its project, links followed; a bare name is looked for
-/// among the shipped files too, which is no matter here.
-pub(super) fn check(folder: &Path, name: &str) -> Result<(), String> {
-    if ANYWHERE.load(Ordering::Relaxed) {
+/// Refuses the file that is read where a plan in `folder` names it, if it lies outside of the plan's project, links followed. A bare name
+/// means what lies about the person at work, too: the projects of the folders where such names are looked for count as well.
+///
+/// What does not exist cannot be read; that it does not is told by whoever looks for it.
+pub(super) fn check(folder: &Path, name: &str, file: &Path) -> Result<(), String> {
+    let Ok(file) = file.canonicalize() else { return Ok(()) };
+    let roots = if shipped::is_bare(name) { shipped::folders(Some(folder)) } else { vec![folder.into()] };
+    if ANYWHERE.load(Ordering::Relaxed) || roots.iter().any(|root| file.starts_with(project(root))) {
         return Ok(());
     }
-    let project = project(folder);
-    // What lies beside the plan goes first. What does not exist cannot be read; that it does not is told by whoever looks for it.
-    let read = [folder.join(name), PathBuf::from(name)].into_iter().find(|file| file.exists() && !file.is_dir());
-    match read.and_then(|file| file.canonicalize().ok()) {
-        Some(file) if !file.starts_with(&project) => Err(format!(
-            "`{name}` lies outside of the plan's project ({}); --allow-outside lets plans read files elsewhere",
-            project.display()
-        )),
-        _ => Ok(()),
-    }
+    Err(format!(
+        "`{name}` lies outside of the plan's project ({}); --allow-outside lets plans read files elsewhere",
+        project(folder).display()
+    ))
+}
+
+/// The same for a valve, which is looked for by its name.
+pub(super) fn check_valve(folder: &Path, name: &str) -> Result<(), String> {
+    Valve::find_beside(name, Some(folder)).map_or(Ok(()), |file| check(folder, name, &file))
 }
 
 #[cfg(test)]
@@ -54,7 +60,7 @@ mod tests {
         }
         std::os::unix::fs::symlink(at("elsewhere/secret.toml"), at("project/plans/link.toml")).unwrap();
         let plans = at("project/plans");
-        let asked = |name: &str| check(&plans, name).is_ok();
+        let asked = |name: &str| check_valve(&plans, name).is_ok();
         assert!(asked("own.toml") && asked("paper") && asked("no-such.toml"));
         assert!(!asked("../valves/v.toml"), "without a mark, the project is the plan's own folder");
         assert!(!asked("Cargo.toml"), "in the current folder");
@@ -64,8 +70,15 @@ mod tests {
         assert!(asked("../valves/v.toml"));
         let secret = at("elsewhere/secret.toml");
         for name in ["../../elsewhere/secret.toml", "link.toml", "/etc/passwd", secret.to_str().unwrap()] {
-            let refused = check(&plans, name).unwrap_err();
+            let refused = check_valve(&plans, name).unwrap_err();
             assert!(refused.contains("--allow-outside"), "{name}: {refused}");
         }
+        // By a name of which the path is made, too: a link beside the plan, one in the folder of valves, and one behind a folder of its name.
+        for (link, name) in [("plans/near.toml", "near"), ("valves/far.toml", "far"), ("valves/hidden.toml", "hidden.toml")] {
+            std::os::unix::fs::symlink(&secret, at("project").join(link)).unwrap();
+            std::fs::create_dir_all(at("project/plans/hidden.toml")).unwrap();
+            assert!(check_valve(&plans, name).unwrap_err().contains("--allow-outside"), "{name}");
+        }
+        assert!(asked("v") && asked("own"));
     }
 }
