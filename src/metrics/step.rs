@@ -320,28 +320,15 @@ mod tests {
         assert_eq!((crossing(&points, 0.0), crossing(&points, 1.1)), (Some(0.0), None));
     }
 
+    /// Each level until its time, and the last from then on.
+    fn levels<const N: usize, const M: usize>(values: [f64; N], until_s: [f64; M]) -> impl Fn(f64) -> f64 {
+        move |t| values[until_s.partition_point(|until| *until <= t)]
+    }
+
     /// The jump may be the first sample of the phase, as where a phase begins with a new target; one inside goes before it.
     #[test]
     fn the_jump_is_found_where_the_phase_begins_and_inside() {
-        let target = |t: f64| {
-            if t < 0.995 {
-                2.0
-            } else if t < 4.995 {
-                10.0
-            } else {
-                6.0
-            }
-        };
-        let answer = |t: f64| {
-            if t < 1.2 {
-                2.0
-            } else if t < 5.3 {
-                10.0
-            } else {
-                6.0
-            }
-        };
-        let columns = Columns::new(1000, target, |_| 0.5, answer);
+        let columns = Columns::new(1000, levels([2.0, 10.0, 6.0], [0.995, 4.995]), |_| 0.5, levels([2.0, 10.0, 6.0], [1.2, 5.3]));
         let dead = |range: Range<usize>| {
             let mut segment = columns.segment(0.0);
             segment.repetitions = vec![range];
@@ -373,17 +360,7 @@ mod tests {
     #[test]
     fn a_response_runs_from_before_the_jump_to_the_end_of_the_phase() {
         // A phase that began elsewhere: only the ten samples before the jump count. 12 in the last tenth but one, 10 in the last.
-        let answer = |t: f64| {
-            if t < 1.895 {
-                50.0
-            } else if t < 2.0 {
-                2.0
-            } else if t < 8.995 {
-                12.0
-            } else {
-                10.0
-            }
-        };
+        let answer = levels([50.0, 2.0, 12.0, 10.0], [1.895, 2.0, 8.995]);
         let columns = Columns::new(1000, |t| if t < 1.995 { 2.0 } else { 10.0 }, |_| 0.5, answer);
         let segment = columns.segment(0.0);
         assert!((Overshoot {}.compute(&segment).unwrap() - 0.25).abs() < 1e-12);
