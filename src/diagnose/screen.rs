@@ -29,7 +29,7 @@ const AT_THE_END_NATS: f64 = 0.3;
 const FIRST: (usize, usize) = (6, 3);
 const LATER: (usize, usize) = (4, 2);
 /// Of those from a base that gives back what the effect delays, so many besides.
-const LATER_BASE: usize = 2;
+const GIVEN_BACK: usize = 2;
 
 impl Fitter<'_> {
     /// Fits `model`, whose last effect is new.
@@ -52,30 +52,29 @@ impl Fitter<'_> {
         let mut calibrated = incumbent.theta.clone();
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
-        let (mut tried, mut later): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
+        let (mut tried, mut given_back): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
         let starts = self.in_proportion(&mut simulator, model, incumbent, starts);
         // A loop that widens looks late as well.
         let of_course = !model.effects[held].imitates_form();
         for (values, later_s) in &starts {
-            // What the effect delays the base gives back.
-            let mut given_back = incumbent.theta.clone();
-            given_back[AT.late] = (given_back[AT.late] + later_s).max(0.0);
-            given_back[AT.lag] = given_back[AT.lag].min(given_back[AT.late]);
             let mut from = |base: &[f64]| {
                 let theta = [base, values.as_slice()].concat();
                 self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual)
             };
             tried.extend([&incumbent.theta, &calibrated].map(|base| from(base)));
             if of_course && later_s.abs() > CALIBRATION.late * model.slowness {
-                later.push(from(&given_back));
+                let mut base = incumbent.theta.clone();
+                base[AT.late] += later_s;
+                base[AT.lag] = base[AT.lag].min(base[AT.late]);
+                given_back.push(from(&base));
             }
         }
         let order = |a: &Fit<'_>, b: &Fit<'_>| self.objective(a).total_cmp(&self.objective(b));
-        for (fits, most) in [(&mut tried, effort.0), (&mut later, LATER_BASE)] {
+        for (fits, most) in [(&mut tried, effort.0), (&mut given_back, GIVEN_BACK)] {
             fits.sort_by(order);
             fits.truncate(most);
         }
-        tried.append(&mut later);
+        tried.append(&mut given_back);
         // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back.
         let mut tried: Vec<Fit<'a>> = tried
             .iter()

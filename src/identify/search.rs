@@ -48,36 +48,33 @@ pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Optio
     let at_first = survey.clone();
     let mut found = along(problem, survey, options, weights);
     let short = |found: &Found| select::rms(&found.fit.residual_bar, weights) > FAR * at_first.noise_bar;
+    // What is found another way, with its survey, where that predicts better by more than a share.
+    let mut or_better = |found: Found, mut other_survey: Survey, options: &Options, share: f64| {
+        let other = along(problem, &mut other_survey, options, weights);
+        let better = match (found.heldout_bar, other.heldout_bar) {
+            (Some(found), Some(other)) => other < (1.0 - share) * found,
+            _ => select::gain(problem, &found.fit, &other.fit, weights, at_first.noise_bar) > INPUT_GAIN,
+        };
+        if !better {
+            return found;
+        }
+        *survey = other_survey;
+        other
+    };
     if options.input.is_none() && short(&found) {
         let input = match found.fit.shape.input {
             Input::Held => Input::Ramp,
             Input::Ramp => Input::Held,
         };
-        let other = Options { input: Some(input), ..options.clone() };
-        found = better(problem, found, survey, (at_first.clone(), &other, 0.0), weights);
+        found = or_better(found, at_first.clone(), &Options { input: Some(input), ..options.clone() }, 0.0);
     }
     if short(&found)
         && let Some(with_floor) = at_first.with_floor_at_zero(problem.segments)
     {
         let same = Options { input: Some(found.fit.shape.input), ..options.clone() };
-        found = better(problem, found, survey, (with_floor, &same, FORM_GAIN), weights);
+        found = or_better(found, with_floor, &same, FORM_GAIN);
     }
     found
-}
-
-/// What was found, or what is found another way, with its survey, where that predicts better by more than a share.
-fn better(problem: &Problem<'_>, found: Found, survey: &mut Survey, way: (Survey, &Options, f64), weights: &[f64]) -> Found {
-    let (mut other_survey, options, share) = way;
-    let other = along(problem, &mut other_survey, options, weights);
-    let better = match (found.heldout_bar, other.heldout_bar) {
-        (Some(found), Some(other)) => other < (1.0 - share) * found,
-        _ => select::gain(problem, &found.fit, &other.fit, weights, survey.noise_bar) > INPUT_GAIN,
-    };
-    if !better {
-        return found;
-    }
-    *survey = other_survey;
-    other
 }
 
 /// The way to the minimum.

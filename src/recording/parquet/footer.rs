@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::reader::SerializedFileReader;
 
 use super::compact::Compact;
 use super::pages::Opened;
@@ -40,7 +40,7 @@ pub fn open(path: &Path, file: &str) -> Result<Opened, RecordingError> {
 /// Refuses more rows of so many columns than are read: rows cost memory, whatever the bytes of the file say. A column of one
 /// value is a few bytes for a billion rows.
 pub fn bounded(opened: &Opened, file: &str, columns: usize) -> Result<(), RecordingError> {
-    let metadata = opened.reader.metadata();
+    let metadata = opened.metadata();
     let summed: u64 = metadata.row_groups().iter().map(|g| g.num_rows().max(0) as u64).sum();
     let rows = summed.max(metadata.file_metadata().num_rows().max(0) as u64);
     if rows.saturating_mul(columns.max(1) as u64) > MOST_VALUES {
