@@ -85,13 +85,14 @@ fn without_tests(text: &str) -> &str {
     end.map_or(text, |(at, _)| &text[..at])
 }
 
-/// Whether a file holds only tests: its parent declares it under `#[cfg(test)]`.
+/// Whether a file holds only tests: its parent declares it under `#[cfg(test)]`, or is such a file itself.
 fn is_test_file(file: &str, all: &[(String, String)]) -> bool {
     let (folder, name) = file.rsplit_once('/').unwrap_or(("", file));
     let module = name.trim_end_matches(".rs");
     let parents = [format!("{folder}/mod.rs"), format!("{folder}.rs")];
     let declared = ["", "pub ", "pub(crate) ", "pub(super) "].map(|visible| format!("#[cfg(test)]\n{visible}mod {module};"));
-    all.iter().filter(|(f, _)| parents.contains(f)).any(|(_, text)| declared.iter().any(|d| text.contains(d.as_str())))
+    let mut of = all.iter().filter(|(f, _)| parents.contains(f));
+    of.any(|(f, text)| declared.iter().any(|d| text.contains(d.as_str())) || f != file && is_test_file(f, all))
 }
 
 /// Source without comments and without the tests at its end.
@@ -289,9 +290,12 @@ fn a_panic_is_no_answer_to_bad_input() {
 /// A file of tests that no module names would be compiled by nobody and fail never.
 #[test]
 fn every_file_of_the_integration_tests_is_a_module_of_theirs() {
-    let main = std::fs::read_to_string(root().join("tests/it/main.rs")).unwrap();
-    let files = std::fs::read_dir(root().join("tests/it")).unwrap().map(|e| e.unwrap().path());
-    let names = files.filter(|f| f.extension().is_some_and(|e| e == "rs")).map(|f| f.file_stem().unwrap().to_string_lossy().into_owned());
-    let forgotten: Vec<String> = names.filter(|n| n != "main" && !main.contains(&format!("mod {n};\n"))).collect();
-    assert!(forgotten.is_empty(), "{forgotten:?}");
+    for program in ["tests/it", "tests/devices"] {
+        let main = std::fs::read_to_string(root().join(program).join("main.rs")).unwrap();
+        let files = std::fs::read_dir(root().join(program)).unwrap().map(|e| e.unwrap().path());
+        let names =
+            files.filter(|f| f.extension().is_some_and(|e| e == "rs")).map(|f| f.file_stem().unwrap().to_string_lossy().into_owned());
+        let forgotten: Vec<String> = names.filter(|n| n != "main" && !main.contains(&format!("mod {n};\n"))).collect();
+        assert!(forgotten.is_empty(), "{program}: {forgotten:?}");
+    }
 }

@@ -159,7 +159,7 @@ impl Fault {
 }
 
 /// A fault script at work.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Faults {
     script: FaultScript,
     random: Option<Pcg64>,

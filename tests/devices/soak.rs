@@ -1,7 +1,7 @@
 //! Random runs on devices that misbehave at random, ended at random: signals, kills, a device that falls silent or
 //! restarts, a disk that is full. After each, what is promised is looked at from the device's side and from the files.
 //!
-//! A short share runs with every change. `HIL_SOAK_MINUTES=60 cargo test --release --test it soak:: -- --nocapture` runs
+//! A short share runs with every change. `HIL_SOAK_MINUTES=60 cargo test --release --test devices soak:: -- --nocapture` runs
 //! for an hour and prints its table; `HIL_SOAK_SEED` begins elsewhere, `HIL_SOAK_PROGRAM` takes another `hil`.
 
 use std::collections::BTreeMap;
