@@ -42,6 +42,9 @@ mod loss;
 #[path = "../src/diagnose/model.rs"]
 #[allow(dead_code)]
 mod model;
+#[path = "../src/diagnose/prior.rs"]
+#[allow(dead_code)]
+mod prior;
 #[path = "../src/diagnose/screen.rs"]
 #[allow(dead_code)]
 mod screen;

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use super::base::AT;
+use super::criteria::Criteria;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
 use super::error::DiagnoseError;
@@ -184,6 +185,12 @@ impl Good {
     /// How far the corrected model is off where nothing is wrong, beyond the noise of the good valve's data [bar].
     pub fn form_error_bar(&self) -> f64 {
         (self.worst_bar.powi(2) - self.evidence.noise_bar.powi(2)).max(0.0).sqrt()
+    }
+
+    /// Whether it is nothing but the recording that the model was identified from, and the model does not follow even that: a poor fit
+    /// at the identification is a reason for a diagnosis, not an excuse for what is off elsewhere.
+    pub fn is_denied(&self) -> bool {
+        self.is_identification && self.worst_bar > Criteria::default().structure * self.evidence.noise_bar
     }
 
     /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.

@@ -68,7 +68,7 @@ const HELD_STEPS: usize = 4;
 
 /// Whether the effects take enough of what is beyond the floor, by the squared error or by the scale of the residual; where
 /// a parameter of the base had to stand in for them, or a signature speaks, the error does not say it.
-fn explains(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> bool {
+pub fn explains(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> bool {
     let criteria = &fitter.criteria;
     let floor2 = fitter.floor_bar.powi(2);
     let part = |before: f64, after: f64| (before * before - after * after) / (before * before - floor2).max(0.1 * floor2);

@@ -7,6 +7,7 @@ use super::heldout::rms;
 use super::locate::locate;
 use super::mistake::Mistake;
 use super::model::{Model, Simulator};
+use super::words::figure;
 use crate::recording::Recording;
 
 /// What is said of them; `share` is what the model explains of the variance after the freest recalibration.
@@ -19,9 +20,10 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
     let residual: Vec<f64> = measured.iter().zip(&simulated).map(|(y, p)| y - p).collect();
     let error = rms(&residual);
     let summary = format!(
-        "Model and recording do not belong together, so no cause is looked for: {}. A straight line over the simulation, shifted in time as far as a valve can be late, explains {:.0} % of the variance of the pressure; the model as given is off by {error:.3} bar RMSE.",
+        "Model and recording do not belong together, so no cause is looked for: {}. A straight line over the simulation, shifted in time as far as a valve can be late, explains {:.0} % of the variance of the pressure; the model as given is off by {} RMSE.",
         mistake.text(),
-        100.0 * share
+        100.0 * share,
+        figure(error, "bar")
     );
     let diagnosis = Diagnosis {
         schema: SCHEMA.into(),

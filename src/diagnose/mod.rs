@@ -5,6 +5,7 @@
 //! what held-out stretches show. This room knows no effect by name.
 
 mod base;
+mod before_form;
 mod claims;
 mod coil;
 mod comparable;
@@ -29,6 +30,7 @@ mod loss;
 mod mistake;
 mod model;
 mod posterior;
+mod prior;
 mod process;
 mod remainder;
 mod rival;
@@ -53,6 +55,7 @@ pub use diagnosis::{
 pub use error::DiagnoseError;
 pub use foreign::{Foreign, Plant, Recalibration};
 pub use mistake::Mistake;
+pub(crate) use model::CALIBRATION;
 pub use signature::{Axis, Signature};
 pub use simulated::Simulated;
 pub use story::{Cell, RunStory, Slice, Story, Strip, story};
@@ -123,7 +126,13 @@ fn on_evidence(
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
     let speaking = seen::speaking(&evidence, good, &Criteria::default());
-    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
+    let mut good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
+    if let Some(denied) = good.take_if(|good| good.is_denied()) {
+        evidence.notes.push(format!(
+            "the model, also with what could be mended, is off by {} RMSE on the one recording that it was identified from: that recording does not vouch for it",
+            figure(denied.rmse_bar.1, "bar")
+        ));
+    }
     if let Some((base, good)) = evidence.base.as_mut().zip(good.as_ref().and_then(|g| g.evidence.base.as_ref())) {
         base.read_as(good.read());
     }
@@ -159,6 +168,7 @@ fn on_evidence(
     let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
     let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);
     start::drop_denied(&fitter, &mut search, &unsettled);
+    before_form::cause_before_form(&fitter, &mut search);
     let mut hollow = hollow::drop_hollow(&fitter, &mut search, good.is_some());
     hollow.extend(hollow::drop_hollow_scatter(&fitter, &search, &mut scattered));
     // What only the scatter shows is looked for about the best course.

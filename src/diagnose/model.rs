@@ -2,6 +2,7 @@
 
 use super::base::{AT, BASE, Base};
 use super::evidence::Evidence;
+use super::prior::{Heavy, Prior};
 use crate::physics::{EFFECTS, Effect, MOST_INNER, Parameter, Pipeline, Sampling, Stage, resolve, signals, specification};
 use crate::valve::{Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
 
@@ -27,45 +28,6 @@ impl Free {
     }
 }
 
-/// What the calibration says of one parameter.
-#[derive(Debug, Clone, Copy)]
-pub struct Prior {
-    /// Its value.
-    pub mean: f64,
-    /// How far a good calibration may be off.
-    pub sigma: f64,
-    /// On which side a calibration on a valve that had an effect already may be off by any amount, so that beyond a
-    /// few sigma the price hardly rises. What an effect of its own stands for (gain, offset, a longer delay) pays in full.
-    pub heavy: Heavy,
-}
-
-/// The heavy side of a [`Prior`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Heavy {
-    /// Neither.
-    No,
-    /// Below the mean: a delay that had taken in a lag gives it back.
-    Below,
-    /// Both.
-    Both,
-}
-
-impl Prior {
-    /// Price of a value [nats].
-    pub fn nats(&self, value: f64) -> f64 {
-        let z2 = ((value - self.mean) / self.sigma).powi(2);
-        if self.is_heavy(value) { 2.5 * (z2 / 4.0).ln_1p() } else { 0.5 * z2 }
-    }
-    /// Curvature that a least-squares step uses for it.
-    pub fn stiffness(&self, value: f64) -> f64 {
-        let z2 = ((value - self.mean) / self.sigma).powi(2);
-        (if self.is_heavy(value) { 5.0 / (4.0 + z2) } else { 1.0 }) / (self.sigma * self.sigma)
-    }
-    fn is_heavy(&self, value: f64) -> bool {
-        self.heavy == Heavy::Both || (self.heavy == Heavy::Below && value < self.mean)
-    }
-}
-
 /// Largest lag that the slow sweep of an identification cannot see: coil, spool and hold of the command [s].
 pub const UNSEEN_LAG_S: f64 = 0.015;
 
@@ -79,6 +41,11 @@ const USUAL_LAG_S: (f64, f64) = (0.005, 0.0035);
 
 /// How far a good calibration may be off. A slow sweep shows the sum of delay and lag well, and how it is split hardly.
 pub const CALIBRATION: Base<f64> = Base { gain: 0.003, offset: 0.03, width: 0.08, ln_a: 0.7, late: 0.0015, lag: USUAL_LAG_S.1 };
+
+/// The largest lag of the base where the one that was calibrated is believed [s].
+fn believed_lag_s(valve: &Valve) -> f64 {
+    1.3 * valve.lag_s + UNSEEN_LAG_S
+}
 
 /// A base valve with a list of effects.
 #[derive(Clone)]
@@ -118,7 +85,7 @@ impl<'a> Model<'a> {
             effects: Vec::new(),
             signature_nats: Vec::new(),
             held: Vec::new(),
-            lag_limit_s: 1.3 * valve.lag_s + UNSEEN_LAG_S,
+            lag_limit_s: believed_lag_s(valve),
             slowness: 1.0,
             foreign_step_s: None,
             form_error_bar: 0.0,
@@ -141,6 +108,12 @@ impl<'a> Model<'a> {
     /// recording does not confirm, is then an effect like any other.
     pub fn distrusting_lag(&self) -> Self {
         Self { lag_limit_s: UNSEEN_LAG_S, ..self.clone() }
+    }
+
+    /// This model with the lag that was calibrated, where it was not believed.
+    pub fn believing_lag(&self) -> Option<Self> {
+        let lag_limit_s = believed_lag_s(self.valve);
+        (self.lag_limit_s < lag_limit_s).then(|| Self { lag_limit_s, ..self.clone() })
     }
 
     /// This model for a recording of a process with samples of `dt_s`, whose lag is part of the base however long it is.

@@ -17,7 +17,7 @@ const AS_GOOD: f64 = 0.985;
 /// A difference of BIC that says nothing.
 const TIE: f64 = 1.0;
 /// Share of the gain of a free form from which on a cause goes before it.
-const CAUSE_FIRST: f64 = 0.5;
+pub const CAUSE_FIRST: f64 = 0.5;
 /// Bounds on how many samples count as one.
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
 /// Share of the best candidate's gain from which on a candidate is fitted to the end.
@@ -131,11 +131,26 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
         let next = simplest(fitter, &chosen, &ranked);
         rounds.push(Round { incumbent: chosen.clone(), ranked, effective });
         match next {
-            Some(fit) => chosen = settle(fitter, fit, &rounds),
+            Some(fit) => chosen = with_lag(fitter, settle(fitter, fit, &rounds)),
             None => break,
         }
     }
     Search { null, chosen, rounds }
+}
+
+/// The fit with the lag that was calibrated, where the recording confirms it beside what was found: alone, a recalibration may
+/// have had no use for it.
+fn with_lag<'a>(fitter: &Fitter<'_>, fit: Fit<'a>) -> Fit<'a> {
+    let Some(model) = fit.model.believing_lag() else { return fit };
+    let starts = [fit.theta[AT.late], model.calibrated()[AT.late]].map(|late_s| {
+        let mut theta = fit.theta.clone();
+        (theta[AT.late], theta[AT.lag]) = (late_s, model.valve.lag_s);
+        theta
+    });
+    let effective = fitter.effective();
+    let with = starts.into_par_iter().map(|start| fitter.refit(&model, &start));
+    let best = with.min_by(|a, b| fitter.objective(a).total_cmp(&fitter.objective(b)));
+    best.filter(|with| model.confirms_lag(with.theta[AT.lag]) && with.bic(effective) < fit.bic(effective)).unwrap_or(fit)
 }
 
 /// The effects less those that held-out stretches do not confirm: the last one to have been found is looked at first. An

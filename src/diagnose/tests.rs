@@ -79,6 +79,36 @@ fn what_was_concealed_comes_out_with_its_size() {
 }
 
 #[test]
+fn a_spring_seat_that_has_set_is_a_shift_and_no_form() {
+    // The valve does at 50 mA less what it did before: on curves that are no straight lines no line of the pressure says it.
+    let mut set = recording(&valve());
+    let run = &mut set.runs[0];
+    let moved: Vec<f64> = run.current_a.iter().map(|i| i + 0.05).collect();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(8);
+    let normal = Normal::new(0.0, 0.5 * NOISE_BAR).unwrap();
+    let quiet = simulate(&valve(), Input::Held, &run.time_s, &moved).unwrap();
+    run.pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
+    let d = diagnose(&set, &valve()).unwrap().diagnosis;
+    assert_eq!(d.effects.iter().map(|e| e.id.as_str()).collect::<Vec<_>>(), ["reference_shift"], "{}", d.summary);
+    assert!(d.rmse_bar.augmented_heldout < 0.1 * d.rmse_bar.base, "{}", d.summary);
+}
+
+#[test]
+fn a_lag_that_a_recalibration_had_no_use_for_is_believed_beside_a_cause() {
+    let calibrated = Valve { delay_s: 0.02, lag_s: 0.03, ..valve() };
+    let mut limited = calibrated.clone();
+    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 75.0, 0.0]));
+    let recording = recording(&limited);
+    let course = Course::of(&recording, &Preparation::for_model(&recording, &calibrated)).unwrap();
+    let evidence = Evidence::of(course).unwrap();
+    let base = Model::base(&calibrated).unwrap().on(&evidence).distrusting_lag();
+    let chosen = search::search_in(&mut Fitter::new(&evidence), None, &base).chosen;
+    assert_eq!(chosen.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>(), ["flow_limit"]);
+    let lag_s = chosen.theta[base::AT.lag];
+    assert!((lag_s / calibrated.lag_s - 1.0).abs() < 0.05, "{lag_s}");
+}
+
+#[test]
 fn the_augmented_model_is_the_one_that_the_diagnosis_speaks_of() {
     let found = concealing("first_order_lag", &[0.06, 1.0]);
     let back = Valve::from_toml(&found.augmented.to_toml(), "augmented").unwrap();
@@ -168,121 +198,6 @@ fn what_does_not_belong_together_is_told_with_the_mapping_that_mends_it() {
 }
 
 /// The same valve with other noise, driven the other way round in time.
-fn another_drive(of: &Valve) -> Recording {
-    let (time_s, mut current_a) = drive();
-    current_a.reverse();
-    let mut random = rand_pcg::Pcg64::seed_from_u64(9);
-    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
-    let pressure = simulate(of, Input::Held, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
-    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
-    Recording { source: "good.csv".into(), runs: vec![run], notes: vec![], input: None }
-}
-
-#[test]
-fn what_the_good_valve_has_is_form_and_what_its_data_excludes_has_changed() {
-    let mut good = valve();
-    good.effects.push(specification(effect("first_order_lag").unwrap(), &[0.05, 1.0]));
-    let reference = [another_drive(&good)];
-    let healthy = diagnose_against(&recording(&good), &valve(), &reference).unwrap().diagnosis;
-    assert_eq!(healthy.verdict, Verdict::Match, "{}", healthy.summary);
-    assert!(healthy.form.iter().any(|f| f.claim == Claim::Lacks), "{}", healthy.summary);
-
-    let mut worn = good.clone();
-    worn.effects.insert(0, specification(effect("reversal_dead_band").unwrap(), &[0.03]));
-    let changed = diagnose_against(&recording(&worn), &valve(), &reference).unwrap().diagnosis;
-    let first = changed.effects.first().unwrap_or_else(|| panic!("{}", changed.summary));
-    assert_eq!((first.id.as_str(), first.claim), ("reversal_dead_band", Claim::Changed), "{}", changed.summary);
-
-    // Without that data nothing is claimed to have changed, and a dead band may be the form of the loop.
-    let alone = diagnose(&recording(&worn), &valve()).unwrap().diagnosis;
-    assert!(alone.effects.iter().all(|f| f.claim == Claim::Lacks && f.id != "reversal_dead_band"), "{}", alone.summary);
-    assert!(alone.form.iter().any(|f| f.id == "reversal_dead_band"), "{}", alone.summary);
-}
-
-#[test]
-fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
-    let disturbed = |mut of: Recording, by: &dyn Fn(f64) -> f64| {
-        let run = &mut of.runs[0];
-        let time_s = run.time_s.clone();
-        run.pressure_bar.iter_mut().flatten().zip(time_s).for_each(|(p, t)| *p += by(t));
-        of
-    };
-    // A wander that nothing in the library holds: of the good valve, or not.
-    let wanders = |t: f64| 0.5 * (0.9 * t + 2.0 * (0.23 * t).sin()).sin() * (0.61 * t).cos();
-    let (steady, restless) = (another_drive(&valve()), disturbed(another_drive(&valve()), &wanders));
-    let drifts = disturbed(recording(&valve()), &|t| 0.004 * t);
-    let found = |good: &Recording| diagnose_against(&drifts, &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
-    let changed = found(&steady);
-    assert!(changed.effects.iter().any(|f| f.claim == Claim::Changed), "{}", changed.summary);
-    let as_ever = found(&restless);
-    assert_eq!((as_ever.verdict, as_ever.effects.len()), (Verdict::Match, 0), "{}", as_ever.summary);
-}
-
-#[test]
-fn a_sensor_that_is_off_is_named_against_data_of_the_good_valve_only() {
-    for (id, theta) in [("sensor_gain", [0.04]), ("sensor_zero", [-0.5])] {
-        let mut off = valve();
-        off.effects.push(specification(effect(id).unwrap(), &theta));
-        let d = diagnose_against(&recording(&off), &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
-        let first = d.effects.first().unwrap_or_else(|| panic!("{id}: {}", d.summary));
-        assert_eq!((first.id.as_str(), first.claim, d.effects.len()), (id, Claim::Changed, 1), "{}", d.summary);
-        let value = first.parameters[effect(id).unwrap().parameters()[0].name].value;
-        assert!((value / theta[0] - 1.0).abs() < 0.1, "{id}: {value}");
-        // Nothing moved in its place, so that the gain is seen on held-out data.
-        assert!(first.p_value < 0.01 && first.heldout_gain_bar > NOISE_BAR, "{id}: {} {}", first.p_value, first.heldout_gain_bar);
-        // Nobody knows how the sensor stood before.
-        let alone = diagnose(&recording(&off), &valve()).unwrap().diagnosis;
-        assert!(alone.effects.iter().all(|f| f.id != id), "{}", alone.summary);
-    }
-}
-
-#[test]
-fn noise_that_the_good_valve_did_not_have_is_no_excuse() {
-    let mut rough = recording(&valve());
-    let mut random = rand_pcg::Pcg64::seed_from_u64(12);
-    let more = Normal::new(0.0, 8.0 * NOISE_BAR).unwrap();
-    rough.runs[0].pressure_bar.iter_mut().flatten().for_each(|p| *p += more.sample(&mut random));
-    let d = diagnose_against(&rough, &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
-    // Fast movements count for noise in part.
-    assert!(d.rmse_bar.noise_floor < 3.0 * NOISE_BAR, "{}", d.rmse_bar.noise_floor);
-    assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{}", d.summary);
-    assert!(d.notes.iter().any(|n| n.contains("counts as an error")), "{:?}", d.notes);
-    // A simulation, or a log that was smoothed, is no word of the sensor's noise.
-    let mut smooth = another_drive(&valve());
-    let run = &mut smooth.runs[0];
-    run.pressure_bar = Some(simulate(&valve(), Input::Held, &run.time_s, &run.current_a).unwrap());
-    let healthy = diagnose_against(&recording(&valve()), &valve(), &[smooth]).unwrap().diagnosis;
-    assert_eq!(healthy.verdict, Verdict::Match, "{}", healthy.summary);
-    // Without that data nobody knows what noise the sensor has.
-    assert_eq!(diagnose(&rough, &valve()).unwrap().diagnosis.verdict, Verdict::Match);
-}
-
-#[test]
-fn what_shows_only_where_the_good_valve_was_never_driven_so_fast_is_no_change() {
-    let gentle = |of: &Valve| {
-        let mut recording = another_drive(of);
-        let run = &mut recording.runs[0];
-        // Over 1.2 s where the record takes 0.15 s.
-        let most_a = 0.005;
-        for k in 1..run.current_a.len() {
-            run.current_a[k] = run.current_a[k].clamp(run.current_a[k - 1] - most_a, run.current_a[k - 1] + most_a);
-        }
-        let mut random = rand_pcg::Pcg64::seed_from_u64(11);
-        let normal = Normal::new(0.0, NOISE_BAR).unwrap();
-        let quiet = simulate(of, Input::Held, &run.time_s, &run.current_a).unwrap();
-        run.pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
-        recording
-    };
-    // The limit lies above what the gentle drive asks for, and below what the record does.
-    let mut limited = valve();
-    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 60.0, 1.0]));
-    let claimed = |good: &Recording| diagnose_against(&recording(&limited), &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
-    let lively = claimed(&another_drive(&valve()));
-    assert!(lively.effects.iter().any(|f| f.id == "flow_limit" && f.claim == Claim::Changed), "{}", lively.summary);
-    let unknown = claimed(&gentle(&valve()));
-    assert!(unknown.effects.iter().all(|f| f.claim == Claim::Lacks), "{}", unknown.summary);
-}
-
 #[test]
 fn a_model_of_held_commands_is_compared_with_held_commands() {
     let (time_s, current_a) = drive();
@@ -400,3 +315,5 @@ fn an_effect_at_the_end_of_its_range_is_told_from_its_plainest_form() {
     assert!(!at_bound("rate_dependent_hysteresis", &[(2, 0.0)]));
     assert!(!at_bound("sensor_drift", &[(1, 2000.0)]));
 }
+
+mod good_valve;

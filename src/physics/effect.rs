@@ -182,6 +182,11 @@ pub trait Effect: Sync {
         false
     }
 
+    /// Whether it is what a valve has whose gain or zero stands apart from that of others of its type.
+    fn is_shift_of_calibration(&self) -> bool {
+        false
+    }
+
     /// A plainer effect that it holds, and its own values at which it is the plainer one with these values: a fit of it can
     /// never be worse than the plainer one's.
     fn nested(&self) -> Option<Nested> {

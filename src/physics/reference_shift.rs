@@ -32,6 +32,9 @@ impl Effect for ReferenceShift {
     fn stage(&self) -> Stage {
         Stage::Curve
     }
+    fn is_shift_of_calibration(&self) -> bool {
+        true
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 4] = [
             Parameter {

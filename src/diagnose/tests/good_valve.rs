@@ -1,0 +1,152 @@
+//! What data of the good valve says, and what it does not.
+
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+
+use super::super::*;
+use super::{NOISE_BAR, drive, recording, valve};
+use crate::physics::{effect, simulate, specification};
+use crate::recording::Run;
+use crate::valve::{Identification, Input};
+
+fn another_drive(of: &Valve) -> Recording {
+    let (time_s, mut current_a) = drive();
+    current_a.reverse();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(9);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    let pressure = simulate(of, Input::Held, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    Recording { source: "good.csv".into(), runs: vec![run], notes: vec![], input: None }
+}
+
+#[test]
+fn what_the_good_valve_has_is_form_and_what_its_data_excludes_has_changed() {
+    let mut good = valve();
+    good.effects.push(specification(effect("first_order_lag").unwrap(), &[0.05, 1.0]));
+    let reference = [another_drive(&good)];
+    let healthy = diagnose_against(&recording(&good), &valve(), &reference).unwrap().diagnosis;
+    assert_eq!(healthy.verdict, Verdict::Match, "{}", healthy.summary);
+    assert!(healthy.form.iter().any(|f| f.claim == Claim::Lacks), "{}", healthy.summary);
+
+    let mut worn = good.clone();
+    worn.effects.insert(0, specification(effect("reversal_dead_band").unwrap(), &[0.03]));
+    let changed = diagnose_against(&recording(&worn), &valve(), &reference).unwrap().diagnosis;
+    let first = changed.effects.first().unwrap_or_else(|| panic!("{}", changed.summary));
+    assert_eq!((first.id.as_str(), first.claim), ("reversal_dead_band", Claim::Changed), "{}", changed.summary);
+
+    // Without that data nothing is claimed to have changed, and a dead band may be the form of the loop.
+    let alone = diagnose(&recording(&worn), &valve()).unwrap().diagnosis;
+    assert!(alone.effects.iter().all(|f| f.claim == Claim::Lacks && f.id != "reversal_dead_band"), "{}", alone.summary);
+    assert!(alone.form.iter().any(|f| f.id == "reversal_dead_band"), "{}", alone.summary);
+}
+
+#[test]
+fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
+    let disturbed = |mut of: Recording, by: &dyn Fn(f64) -> f64| {
+        let run = &mut of.runs[0];
+        let time_s = run.time_s.clone();
+        run.pressure_bar.iter_mut().flatten().zip(time_s).for_each(|(p, t)| *p += by(t));
+        of
+    };
+    // A wander that nothing in the library holds: of the good valve, or not.
+    let wanders = |t: f64| 0.5 * (0.9 * t + 2.0 * (0.23 * t).sin()).sin() * (0.61 * t).cos();
+    let (steady, restless) = (another_drive(&valve()), disturbed(another_drive(&valve()), &wanders));
+    let drifts = disturbed(recording(&valve()), &|t| 0.004 * t);
+    let found = |good: &Recording| diagnose_against(&drifts, &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
+    let changed = found(&steady);
+    assert!(changed.effects.iter().any(|f| f.claim == Claim::Changed), "{}", changed.summary);
+    let as_ever = found(&restless);
+    assert_eq!((as_ever.verdict, as_ever.effects.len()), (Verdict::Match, 0), "{}", as_ever.summary);
+}
+
+#[test]
+fn a_sensor_that_is_off_is_named_against_data_of_the_good_valve_only() {
+    for (id, theta) in [("sensor_gain", [0.04]), ("sensor_zero", [-0.5])] {
+        let mut off = valve();
+        off.effects.push(specification(effect(id).unwrap(), &theta));
+        let d = diagnose_against(&recording(&off), &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+        let first = d.effects.first().unwrap_or_else(|| panic!("{id}: {}", d.summary));
+        assert_eq!((first.id.as_str(), first.claim, d.effects.len()), (id, Claim::Changed, 1), "{}", d.summary);
+        let value = first.parameters[effect(id).unwrap().parameters()[0].name].value;
+        assert!((value / theta[0] - 1.0).abs() < 0.1, "{id}: {value}");
+        // Nothing moved in its place, so that the gain is seen on held-out data.
+        assert!(first.p_value < 0.01 && first.heldout_gain_bar > NOISE_BAR, "{id}: {} {}", first.p_value, first.heldout_gain_bar);
+        // Nobody knows how the sensor stood before.
+        let alone = diagnose(&recording(&off), &valve()).unwrap().diagnosis;
+        assert!(alone.effects.iter().all(|f| f.id != id), "{}", alone.summary);
+    }
+}
+
+#[test]
+fn noise_that_the_good_valve_did_not_have_is_no_excuse() {
+    let mut rough = recording(&valve());
+    let mut random = rand_pcg::Pcg64::seed_from_u64(12);
+    let more = Normal::new(0.0, 8.0 * NOISE_BAR).unwrap();
+    rough.runs[0].pressure_bar.iter_mut().flatten().for_each(|p| *p += more.sample(&mut random));
+    let d = diagnose_against(&rough, &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+    // Fast movements count for noise in part.
+    assert!(d.rmse_bar.noise_floor < 3.0 * NOISE_BAR, "{}", d.rmse_bar.noise_floor);
+    assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{}", d.summary);
+    assert!(d.notes.iter().any(|n| n.contains("counts as an error")), "{:?}", d.notes);
+    // A simulation, or a log that was smoothed, is no word of the sensor's noise.
+    let mut smooth = another_drive(&valve());
+    let run = &mut smooth.runs[0];
+    run.pressure_bar = Some(simulate(&valve(), Input::Held, &run.time_s, &run.current_a).unwrap());
+    let healthy = diagnose_against(&recording(&valve()), &valve(), &[smooth]).unwrap().diagnosis;
+    assert_eq!(healthy.verdict, Verdict::Match, "{}", healthy.summary);
+    // Without that data nobody knows what noise the sensor has.
+    assert_eq!(diagnose(&rough, &valve()).unwrap().diagnosis.verdict, Verdict::Match);
+}
+
+#[test]
+fn what_shows_only_where_the_good_valve_was_never_driven_so_fast_is_no_change() {
+    let gentle = |of: &Valve| {
+        let mut recording = another_drive(of);
+        let run = &mut recording.runs[0];
+        // Over 1.2 s where the record takes 0.15 s.
+        let most_a = 0.005;
+        for k in 1..run.current_a.len() {
+            run.current_a[k] = run.current_a[k].clamp(run.current_a[k - 1] - most_a, run.current_a[k - 1] + most_a);
+        }
+        let mut random = rand_pcg::Pcg64::seed_from_u64(11);
+        let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+        let quiet = simulate(of, Input::Held, &run.time_s, &run.current_a).unwrap();
+        run.pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
+        recording
+    };
+    // The limit lies above what the gentle drive asks for, and below what the record does.
+    let mut limited = valve();
+    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 60.0, 1.0]));
+    let claimed = |good: &Recording| diagnose_against(&recording(&limited), &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
+    let lively = claimed(&another_drive(&valve()));
+    assert!(lively.effects.iter().any(|f| f.id == "flow_limit" && f.claim == Claim::Changed), "{}", lively.summary);
+    let unknown = claimed(&gentle(&valve()));
+    assert!(unknown.effects.iter().all(|f| f.claim == Claim::Lacks), "{}", unknown.summary);
+}
+
+#[test]
+fn the_recording_of_an_identification_that_failed_excuses_nothing() {
+    // What the valve does besides comes when it will: no model follows it, on either drive.
+    let knocked = |mut recording: Recording, source: &str, seed: u64| {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let normal = Normal::new(0.0, 1.0).unwrap();
+        let mut level = 0.0;
+        for (k, p) in recording.runs[0].pressure_bar.iter_mut().flatten().enumerate() {
+            if k % 80 == 0 {
+                level = 0.4 * normal.sample(&mut random);
+            }
+            *p += level;
+        }
+        Recording { source: source.into(), ..recording }
+    };
+    let (sweep, record) = (knocked(recording(&valve()), "sweep.csv", 1), knocked(recording(&valve()), "drive.csv", 2));
+    let identified = Identification { recording: "sweep.csv".into(), sha256: Some("0".repeat(64)), ..Identification::default() };
+    let model = Valve { identification: Some(identified), ..valve() };
+    let d = diagnose_against(&record, &model, std::slice::from_ref(&sweep)).unwrap().diagnosis;
+    assert_eq!(d.verdict, Verdict::Unexplained, "{}", d.summary);
+    assert!(d.notes.iter().any(|n| n.contains("does not vouch for it")), "{:?}", d.notes);
+    // Any other drive of the good valve says what is usual.
+    let other = Recording { source: "good.csv".into(), ..sweep };
+    let d = diagnose_against(&record, &model, std::slice::from_ref(&other)).unwrap().diagnosis;
+    assert_eq!(d.verdict, Verdict::Match, "{}", d.summary);
+}
