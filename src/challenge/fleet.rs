@@ -136,11 +136,11 @@ impl Fleet {
     }
 }
 
-/// Whether a finding tells the story: the lot, the effect, and the onset within a tenth of the range.
-pub fn tells(fleet: &Fleet, column: &str, group: &str, what: &str, onset_km: Option<f64>) -> [bool; 3] {
+/// Whether a finding tells the story: the lot, the effect (or a set that holds it), and the onset within a tenth of the range.
+pub fn tells(fleet: &Fleet, column: &str, group: &str, whats: &[&str], onset_km: Option<f64>) -> [bool; 3] {
     let (lot, effect, from_km) = &fleet.story;
     let right_lot = column == "lot" && group == lot;
-    [right_lot, right_lot && what == *effect, right_lot && onset_km.is_some_and(|at| (at - from_km).abs() <= 0.1 * RANGE_KM)]
+    [right_lot, right_lot && whats.contains(effect), right_lot && onset_km.is_some_and(|at| (at - from_km).abs() <= 0.1 * RANGE_KM)]
 }
 
 #[cfg(test)]
@@ -163,9 +163,9 @@ mod tests {
     fn the_story_is_told_by_lot_effect_and_onset() {
         let fleet = draw_fleet(5, 30);
         let (lot, effect, onset) = fleet.story.clone();
-        assert_eq!(tells(&fleet, "lot", &lot, effect, Some(onset + 15_000.0)), [true, true, true]);
-        assert_eq!(tells(&fleet, "lot", &lot, "creep", Some(onset + 25_000.0)), [true, false, false]);
-        assert_eq!(tells(&fleet, "supplier", &lot, effect, None), [false, false, false]);
+        assert_eq!(tells(&fleet, "lot", &lot, &["creep", effect], Some(onset + 15_000.0)), [true, true, true]);
+        assert_eq!(tells(&fleet, "lot", &lot, &["creep"], Some(onset + 25_000.0)), [true, false, false]);
+        assert_eq!(tells(&fleet, "supplier", &lot, &[effect], None), [false, false, false]);
     }
 
     #[test]

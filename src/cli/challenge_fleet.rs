@@ -56,7 +56,8 @@ pub(super) fn score(collected: &Path, seed: u64, count: usize) -> CliResult {
     for f in findings {
         let word = |key: &str| f[key].as_str().unwrap_or_default();
         let onset = f["onset"]["at"].as_f64().filter(|_| f["onset"]["column"] == "mileage");
-        let here = tells(&fleet, word("column"), word("group"), word("what"), onset);
+        let whats: Vec<&str> = f["or"].as_array().into_iter().flatten().filter_map(Value::as_str).chain([word("what")]).collect();
+        let here = tells(&fleet, word("column"), word("group"), &whats, onset);
         if here.iter().filter(|t| **t).count() > told.iter().filter(|t| **t).count() {
             told = here;
         }

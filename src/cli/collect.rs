@@ -9,7 +9,9 @@ use serde_json::Value;
 use super::outputs::Force;
 use super::{CliError, CliResult, exit};
 use crate::fleet::collected::collect;
-use crate::fleet::findings::{FleetFinding, Rate, findings};
+use crate::fleet::findings::{FleetFinding, findings};
+use crate::fleet::rate::Rate;
+use crate::fleet::standing::Standing;
 use crate::fleet::{FleetError, table};
 use crate::output::{Mark, Outputs};
 use crate::recording::replace_file;
@@ -74,16 +76,17 @@ pub fn run(args: &CollectArgs) -> CliResult {
     let confusion = args.confusion.as_deref().map(confusion).transpose()?;
     let collected = collect(args.folders.iter().map(PathBuf::as_path), before).map_err(failed)?;
     let rows = &collected.rows;
-    let found = findings(rows);
+    let standing = Standing::of(rows);
+    let found = findings(rows, &standing);
     let names: Vec<String> = found.iter().map(FleetFinding::name).collect();
     let new: Vec<&String> = names.iter().filter(|n| !earlier.contains(n)).collect();
-    let summary = report::Summary::new(rows, &found, &new, confusion);
+    let summary = report::Summary::new(rows, &standing, &found, &new, confusion);
     if let Some(path) = &args.report {
-        let page = report::page(rows, &summary, path.parent().unwrap_or(Path::new("")));
+        let page = report::page(rows, &standing, &summary, path.parent().unwrap_or(Path::new("")));
         replace_file(path, |file| file.write_all(page.as_bytes())).map_err(CliError::not_stored)?;
     }
     // last: once the table holds a finding, it is no longer new
-    table::write(&args.output, &collected, &names).map_err(CliError::not_stored)?;
+    table::write(&args.output, &collected, &standing, &names).map_err(CliError::not_stored)?;
     super::print(&if args.format == Format::Json { report::json(&summary) } else { report::text(&summary) })?;
     Ok(if args.fail_on.is_some() && !new.is_empty() { exit::NEGATIVE } else { exit::DONE })
 }

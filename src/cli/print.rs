@@ -22,7 +22,7 @@ pub fn print(text: &str) -> Result<(), CliError> {
 fn verdicts_painted(text: &str) -> Cow<'_, str> {
     // Green, yellow, red.
     const COLORS: [(&str, u8); 6] = [("PASS", 32), ("MARGINAL", 33), ("FAIL", 31), ("ERROR", 31), ("INVALID", 31), ("ABORTED", 31)];
-    if text.starts_with(['{', '[', '<', '#', '|']) {
+    if text.starts_with(['{', '[', '<', '#', '|']) || !COLORS.iter().any(|(word, _)| text.contains(word)) {
         return Cow::Borrowed(text);
     }
     let painted = |line: &str| {

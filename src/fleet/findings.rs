@@ -1,14 +1,15 @@
 //! What the rows say together: which group of valves, which effect, since when.
 //!
 //! A finding is an effect that is more frequent in one group (a value of a free column: lot, supplier, sensor) than
-//! in all others, beyond what chance makes of so many comparisons (Fisher's exact test, Bonferroni's correction); where it
-//! grows with a number (mileage, date) the onset is the split that separates best. An unknown rest that looks alike in
+//! in all others, beyond what chance makes of so many comparisons (Fisher's exact test, Bonferroni's correction),
+//! as a whole or from some number of the list (mileage, date) on; the onset is the split that separates best. An unknown rest that looks alike in
 //! many valves is one finding.
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::comparison::{Comparison, StandsOut};
 use super::row::{Row, Status};
-use crate::batch::statistics::wilson;
+use super::standing::{LEAST_VALVES, LOOK, Standing};
 
 /// Family-wise level of the comparisons.
 const LEVEL: f64 = 0.01;
@@ -26,6 +27,8 @@ pub struct FleetFinding {
     pub group: String,
     /// The effect, or the look of an unknown rest.
     pub what: String,
+    /// Effects that no recording of the fleet tells from it.
+    pub or: Vec<String>,
     /// How many of the group, and of how many.
     pub inside: (usize, usize),
     /// How many of the others.
@@ -58,83 +61,47 @@ impl FleetFinding {
     }
 }
 
-/// The share of something in a group, with Wilson's interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rate {
-    /// How many.
-    pub hits: usize,
-    /// Of how many.
-    pub of: usize,
-    /// The share.
-    pub value: f64,
-    /// 95 % interval.
-    pub low: f64,
-    /// Its upper end.
-    pub high: f64,
-}
-
-impl Rate {
-    /// Counts with their interval; of nothing, from 0 to 1.
-    pub fn new(hits: usize, of: usize) -> Self {
-        if of == 0 {
-            return Self { hits, of, value: 0.0, low: 0.0, high: 1.0 };
-        }
-        let w = wilson(hits, of);
-        Self { hits, of, value: hits as f64 / of as f64, low: w.low, high: w.high }
-    }
-
-    /// Corrected for a diagnosis that finds `found` of the faulty and accuses `accused` of the healthy
-    /// (W. J. Rogan, B. Gladen, Am. J. Epidemiol. 107 (1978) 71); `None` where it tells nothing apart.
-    pub fn corrected(self, found: Self, accused: Self) -> Option<(f64, f64, f64)> {
-        let power = found.value - accused.value;
-        if self.of == 0 || power < 0.05 {
-            return None;
-        }
-        let value = (self.value - accused.value) / power;
-        let variance = |r: Self| r.value * (1.0 - r.value) / r.of.max(1) as f64;
-        let spread = (variance(self) + value.powi(2) * variance(found) + (1.0 - value).powi(2) * variance(accused)).sqrt() / power;
-        Some((value.clamp(0.0, 1.0), (value - 1.96 * spread).clamp(0.0, 1.0), (value + 1.96 * spread).clamp(0.0, 1.0)))
-    }
-}
-
-/// What a row is counted for: its causes, or the look of its unknown rest.
-fn counted(row: &Row) -> BTreeSet<String> {
-    if row.is_unknown() {
-        return row.remainder.iter().map(|r| format!("unknown, {r}")).collect();
-    }
-    row.causes().map(|e| e.id.clone()).collect()
-}
-
 /// All findings, the surest first. A group that is found is set aside for its effect before the next is looked for, so that a
 /// bad lot does not make its supplier bad.
-pub fn findings(rows: &[Row]) -> Vec<FleetFinding> {
+pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
     let rows: Vec<&Row> = rows.iter().filter(|r| r.status == Status::Done).collect();
-    let counted: Vec<BTreeSet<String>> = rows.iter().map(|r| counted(r)).collect();
-    let all: BTreeSet<&String> = counted.iter().flatten().collect();
+    let counted: Vec<BTreeSet<String>> = rows.iter().map(|r| standing.shown(r)).collect();
+    let all = told_apart(&rows, &counted);
     let groups = groups(&rows);
-    let comparisons = (groups.iter().map(|g| g.1.len()).sum::<usize>() * all.len()) as f64;
+    let strata = strata(&rows);
+    let columns: Vec<(String, bool)> = numeric_columns(&rows).into_iter().map(|c| (c.clone(), holds_dates(&rows, &c))).collect();
+    let numbers: Vec<Vec<Option<f64>>> = columns.iter().map(|(c, _)| rows.iter().map(|r| number(r.tags.get(c)?)).collect()).collect();
+    // How an unknown rest looks is no matter of groups: that one is there is compared.
+    let compared = || all.iter().filter(|(what, _)| !what.starts_with(LOOK));
+    let comparisons = (groups.iter().map(|g| g.1.len()).sum::<usize>() * compared().count()) as f64;
     let mut tried: Vec<FleetFinding> = Vec::new();
-    for what in &all {
-        let has: Vec<bool> = counted.iter().map(|c| c.contains(*what)).collect();
-        let mut aside = vec![false; rows.len()];
-        while let Some((column, group, members, found)) = surest(&groups, &has, &aside)
-            && found.p_value * comparisons < LEVEL
+    for (what, (has, or)) in compared() {
+        let mut comparison = Comparison::new(has, &strata, &numbers);
+        while let Some((column, group, members, StandsOut { inside, outside, p_value })) = surest(&groups, &comparison)
+            && p_value * comparisons < LEVEL
         {
-            let onset = onset(&rows, &counted, members, what);
-            let p_value = (found.p_value * comparisons).min(1.0);
-            tried.push(FleetFinding { column: Some(column.clone()), group: group.clone(), what: (*what).clone(), onset, p_value, ..found });
-            members.iter().for_each(|m| aside[*m] = true);
+            tried.push(FleetFinding {
+                column: Some(column.clone()),
+                group: group.clone(),
+                what: (*what).clone(),
+                or: or.iter().map(|w| (*w).clone()).collect(),
+                inside,
+                outside,
+                p_value: p_value * comparisons,
+                onset: onset(&columns, &numbers, has, members),
+            });
+            comparison.set_aside(members);
         }
     }
     tried.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
-    let total = |what: &String| counted.iter().filter(|c| c.contains(what)).count();
-    for what in all.into_iter().filter(|w| w.starts_with("unknown, ") && total(w) >= LEAST_CLUSTER) {
-        let inside = (total(what), rows.len());
+    let alike = |has: &[bool]| has.iter().filter(|h| **h).count();
+    for (what, (has, _)) in all.into_iter().filter(|(what, (has, _))| what.starts_with(LOOK) && alike(has) >= LEAST_CLUSTER) {
         tried.push(FleetFinding {
             column: None,
             group: "valves".into(),
             what: what.clone(),
-            inside,
+            or: Vec::new(),
+            inside: (alike(&has), rows.len()),
             outside: (0, 0),
             p_value: f64::NAN,
             onset: None,
@@ -143,32 +110,44 @@ pub fn findings(rows: &[Row]) -> Vec<FleetFinding> {
     tried
 }
 
-type Groups = BTreeMap<String, Vec<usize>>;
-
-/// The group in which an effect stands out most from all that are not set aside.
-fn surest<'a>(
-    groups: &'a [(String, Groups)],
-    has: &[bool],
-    aside: &[bool],
-) -> Option<(&'a String, &'a String, &'a Vec<usize>, FleetFinding)> {
-    let left = |m: &&usize| !aside[**m];
-    let everywhere = (has.iter().zip(aside).filter(|(h, a)| **h && !**a).count(), aside.iter().filter(|a| !**a).count());
-    let stands_out = |(column, group, members): (&'a String, &'a String, &'a Vec<usize>)| {
-        let inside = (members.iter().filter(left).filter(|m| has[**m]).count(), members.iter().filter(left).count());
-        let outside = (everywhere.0 - inside.0, everywhere.1 - inside.1);
-        if inside.0 == 0 || outside.1 == 0 || inside.0 * outside.1 <= outside.0 * inside.1 {
-            return None;
-        }
-        let p_value = fisher(inside, outside);
-        let found = FleetFinding { column: None, group: String::new(), what: String::new(), inside, outside, p_value, onset: None };
-        Some((column, group, members, found))
+/// All that is shown, with the rows that show it; what always comes together has one entry, under that which is named most often, and
+/// the others beside it.
+fn told_apart<'c>(rows: &[&Row], counted: &'c [BTreeSet<String>]) -> BTreeMap<&'c String, (Vec<bool>, Vec<&'c String>)> {
+    let mut together: BTreeMap<(Vec<bool>, bool), Vec<&String>> = BTreeMap::new();
+    for what in counted.iter().flatten().collect::<BTreeSet<&String>>() {
+        let has = counted.iter().map(|c| c.contains(what)).collect();
+        together.entry((has, what.starts_with(LOOK))).or_default().push(what);
+    }
+    let named = |what: &String| rows.iter().filter(|r| r.effects.iter().any(|e| e.id == *what)).count();
+    let entry = |((has, _), mut names): ((Vec<bool>, bool), Vec<&'c String>)| {
+        names.sort_by_key(|what| std::cmp::Reverse(named(what)));
+        let first = names.remove(0);
+        (first, (has, names))
     };
-    let each = groups.iter().flat_map(|(column, groups)| groups.iter().map(move |(group, members)| (column, group, members)));
-    each.filter_map(stands_out).min_by(|a, b| a.3.p_value.total_cmp(&b.3.p_value))
+    together.into_iter().map(entry).collect()
 }
 
-/// Columns that group, with the rows of each value. Numbers do not group.
-fn groups(rows: &[&Row]) -> Vec<(String, Groups)> {
+/// The rows of each value of a column.
+pub type Groups = BTreeMap<String, Vec<usize>>;
+
+/// The rows that are held against each other: those of one model, where it stands for enough of them, since what a model lacks stands
+/// out wherever another model is used; and all others.
+fn strata(rows: &[&Row]) -> Vec<usize> {
+    let mut of_model: BTreeMap<&str, usize> = BTreeMap::new();
+    rows.iter().for_each(|r| *of_model.entry(r.model_key()).or_default() += 1);
+    let large: BTreeMap<&str, usize> = of_model.into_iter().filter(|m| m.1 >= LEAST_VALVES).zip(1..).map(|((m, _), k)| (m, k)).collect();
+    rows.iter().map(|r| large.get(r.model_key()).copied().unwrap_or(0)).collect()
+}
+
+/// The group that stands out most.
+fn surest<'g>(groups: &'g [(String, Groups)], of: &Comparison<'_>) -> Option<(&'g String, &'g String, &'g Vec<usize>, StandsOut)> {
+    let each = groups.iter().flat_map(|(column, groups)| groups.iter().map(move |(group, members)| (column, group, members)));
+    each.filter_map(|(column, group, members)| Some((column, group, members, of.group(members)?)))
+        .min_by(|a, b| a.3.p_value.total_cmp(&b.3.p_value))
+}
+
+/// Columns that group, with the rows of each value. Numbers and dates do not group.
+pub fn groups(rows: &[&Row]) -> Vec<(String, Groups)> {
     let columns: BTreeSet<&String> = rows.iter().flat_map(|r| r.tags.keys()).collect();
     columns
         .into_iter()
@@ -180,9 +159,8 @@ fn groups(rows: &[&Row]) -> Vec<(String, Groups)> {
                 }
             }
             let grouped: usize = groups.values().map(Vec::len).sum();
-            let fit = (2..=MOST_GROUPS).contains(&groups.len())
-                && grouped >= 3 * groups.len()
-                && !groups.keys().all(|v| v.parse::<f64>().is_ok());
+            let fit =
+                (2..=MOST_GROUPS).contains(&groups.len()) && grouped >= 3 * groups.len() && !groups.keys().all(|v| number(v).is_some());
             fit.then(|| (column.clone(), groups))
         })
         .collect()
@@ -221,14 +199,14 @@ pub fn numeric_columns(rows: &[&Row]) -> Vec<String> {
 
 /// The split of a group along a number that separates those with an effect best from those without, where it beats
 /// chance after all splits that were tried.
-fn onset(rows: &[&Row], counted: &[BTreeSet<String>], members: &[usize], what: &str) -> Option<Onset> {
-    numeric_columns(rows)
-        .into_iter()
-        .filter_map(|column| {
-            let mut at: Vec<(f64, bool)> =
-                members.iter().filter_map(|m| Some((number(rows[*m].tags.get(&column)?)?, counted[*m].contains(what)))).collect();
+fn onset(columns: &[(String, bool)], numbers: &[Vec<Option<f64>>], has: &[bool], members: &[usize]) -> Option<Onset> {
+    columns
+        .iter()
+        .zip(numbers)
+        .filter_map(|((column, is_date), numbers)| {
+            let mut at: Vec<(f64, bool)> = members.iter().filter_map(|m| Some((numbers[*m]?, has[*m]))).collect();
             at.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let is_date = holds_dates(rows, &column);
+            let is_date = *is_date;
             let hits = at.iter().filter(|a| a.1).count();
             let (mut before, mut best) = (0, None);
             for k in 1..at.len() {
@@ -257,19 +235,6 @@ fn likelihood((k, n): (usize, usize)) -> f64 {
     term(k) + term(n - k)
 }
 
-/// Fisher's exact test, one-sided: chance of at least `inside.0` of the hits in the group.
-fn fisher(inside: (usize, usize), outside: (usize, usize)) -> f64 {
-    let (hits, all) = (inside.0 + outside.0, inside.1 + outside.1);
-    let log = |n: usize| statrs::function::factorial::ln_factorial(n as u64);
-    let choose = |n: usize, k: usize| log(n) - log(k) - log(n - k);
-    let most = hits.min(inside.1);
-    (inside.0..=most)
-        .filter(|k| hits - k <= outside.1)
-        .map(|k| (choose(inside.1, k) + choose(outside.1, hits - k) - choose(all, hits)).exp())
-        .sum::<f64>()
-        .min(1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::row::RowEffect;
@@ -286,15 +251,19 @@ mod tests {
                     .map(|(a, b)| (a.into(), b))
                     .into();
                 let id = if bad && lot == 7 && km > 60_000.0 { Some("leakage") } else { (k % 47 == 3).then_some("creep") };
-                row.effects = id.into_iter().map(|id| RowEffect { id: id.into(), claim: None, parameters: Default::default() }).collect();
+                row.effects = id.into_iter().map(|id| RowEffect { id: id.into(), ..RowEffect::default() }).collect();
                 row
             })
             .collect()
     }
 
+    fn found(rows: &[Row]) -> Vec<FleetFinding> {
+        findings(rows, &Standing::of(rows))
+    }
+
     #[test]
     fn the_bad_lot_its_effect_and_its_onset_are_found() {
-        let found = findings(&fleet(true));
+        let found = found(&fleet(true));
         assert_eq!(found.iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
         let onset = found[0].onset.as_ref().map(|o| (o.column.as_str(), o.before.0));
         assert_eq!(onset, Some(("mileage", 0)));
@@ -308,27 +277,52 @@ mod tests {
             let supplier = if row.tags["lot"].as_str() < "L10" { "north" } else { "south" };
             row.tags.insert("supplier".into(), supplier.into());
         }
-        assert_eq!(findings(&rows).iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
+        assert_eq!(found(&rows).iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
+    }
+
+    #[test]
+    fn a_lack_of_the_model_in_one_lot_alone_is_no_lack_of_the_model() {
+        let mut rows = fleet(true);
+        for row in &mut rows {
+            for effect in &mut row.effects {
+                effect.claim = Some("lacks".into());
+                if effect.id == "leakage" {
+                    row.rmse_bar.insert("base".into(), 0.9);
+                    effect.indistinguishable = vec!["reference_shift".into()];
+                }
+            }
+        }
+        let found = found(&rows);
+        assert_eq!(found.iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
+        assert_eq!(found[0].or, ["reference_shift"]);
+        // Nor does what all valves of one of two models show, in the part that has it.
+        for (k, row) in rows.iter_mut().enumerate() {
+            let part = k % 2;
+            row.model_sha256 = Some(format!("model {part}"));
+            row.tags.insert("part".into(), format!("P{part}"));
+            row.effects = (part == 0 && k % 30 > 1).then(|| RowEffect { id: "creep".into(), ..RowEffect::default() }).into_iter().collect();
+        }
+        assert_eq!(super::findings(&rows, &Standing::of(&rows)), []);
+        // What all valves show stands out in no lot.
+        for row in &mut rows {
+            row.effects = vec![RowEffect { id: "creep".into(), claim: Some("lacks".into()), ..RowEffect::default() }];
+        }
+        assert_eq!(super::findings(&rows, &Standing::of(&rows)), []);
+    }
+
+    #[test]
+    fn where_each_valve_has_its_own_model_every_effect_is_compared() {
+        let mut rows = fleet(true);
+        for (k, row) in rows.iter_mut().enumerate() {
+            row.model_sha256 = Some(format!("model of {k}"));
+            row.effects.iter_mut().for_each(|e| e.claim = Some("lacks".into()));
+        }
+        assert_eq!(found(&rows).iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
     }
 
     #[test]
     fn an_even_fleet_has_no_finding() {
-        assert_eq!(findings(&fleet(false)), []);
-    }
-
-    #[test]
-    fn fishers_test_gives_the_published_figure() {
-        // R. A. Fisher's tea tasting: 4 of 4 right of 8 cups, p = 1/70
-        assert!((fisher((4, 4), (0, 4)) - 1.0 / 70.0).abs() < 1e-12);
-        assert!((fisher((3, 4), (1, 4)) - 17.0 / 70.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_rate_is_corrected_for_what_the_diagnosis_misses_and_invents() {
-        let (found, accused) = (Rate::new(80, 100), Rate::new(5, 100));
-        let corrected = Rate::new(125, 1000).corrected(found, accused);
-        assert!(corrected.is_some_and(|(v, low, high)| (v - 0.1).abs() < 1e-9 && low < 0.1 && high > 0.1), "{corrected:?}");
-        assert_eq!(Rate::new(1, 10).corrected(Rate::new(5, 100), Rate::new(5, 100)), None);
+        assert_eq!(found(&fleet(false)), []);
     }
 
     #[test]
@@ -337,7 +331,7 @@ mod tests {
         for row in rows.iter_mut().take(8) {
             (row.verdict, row.effects, row.remainder) = (Some("unexplained".into()), Vec::new(), Some("depends on pressure".into()));
         }
-        let found = findings(&rows);
+        let found = found(&rows);
         assert!(found.iter().any(|f| f.column.is_none() && f.inside.0 == 8 && f.what == "unknown, depends on pressure"), "{found:?}");
     }
 

@@ -4,12 +4,17 @@
 //! command on parts of one list; [`store::Store`] makes sure that the parts add up: a row is there whole or not at all,
 //! and what agrees in recording, model and version is not done again.
 
+mod chance;
+mod comparison;
 mod error;
 
 pub mod collected;
 pub mod findings;
+pub mod levels;
 pub mod list;
+pub mod rate;
 pub mod row;
+pub mod standing;
 pub mod store;
 #[cfg(feature = "parquet")]
 pub mod table;

@@ -16,7 +16,7 @@ pub enum Status {
 }
 
 /// An effect in a row.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RowEffect {
     /// Its id.
     pub id: String,
@@ -24,6 +24,9 @@ pub struct RowEffect {
     pub claim: Option<String>,
     /// Parameters: value, standard error, unit.
     pub parameters: BTreeMap<String, (f64, Option<f64>, String)>,
+    /// What the recording cannot tell it from, the likeliest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub indistinguishable: Vec<String>,
 }
 
 /// One row (`schema: "hil.fleet.row/1"`).
@@ -55,6 +58,9 @@ pub struct Row {
     pub effects: Vec<RowEffect>,
     /// Corrections of form.
     pub form: Vec<String>,
+    /// What the fit moved in the model's own parameters: the change and its unit.
+    #[serde(default)]
+    pub recalibration: BTreeMap<String, (f64, String)>,
     /// Errors of the models [bar], by their keys in the document.
     pub rmse_bar: BTreeMap<String, f64>,
     /// What the unexplained rest looks like: rows of one word look alike.
@@ -81,25 +87,39 @@ impl Row {
             .as_array()
             .into_iter()
             .flatten()
-            .filter_map(|e| Some(RowEffect { id: word(&e["id"])?, claim: word(&e["claim"]), parameters: parameters(&e["parameters"]) }))
+            .filter_map(|e| {
+                Some(RowEffect {
+                    id: word(&e["id"])?,
+                    claim: word(&e["claim"]),
+                    parameters: parameters(&e["parameters"]),
+                    indistinguishable: e["indistinguishable"].as_array().into_iter().flatten().filter_map(word).collect(),
+                })
+            })
             .collect();
         self.form = document["form"].as_array().into_iter().flatten().filter_map(|e| word(&e["id"])).collect();
+        let change = |c: &Value| {
+            let (name, unit) = (word(&c["parameter"])?, word(&c["unit"]).unwrap_or_default());
+            Some((name, (c["after"].as_f64()? - c["before"].as_f64()?, unit)))
+        };
+        self.recalibration = document["recalibration"].as_array().into_iter().flatten().filter_map(change).collect();
         self.remainder = remainder(document);
     }
 
-    /// Whether something is said to be wrong with this valve: an effect that is not only a lack of the model.
-    pub fn is_faulty(&self) -> bool {
-        self.causes().next().is_some()
+    /// What the rows of one model have in common.
+    pub fn model_key(&self) -> &str {
+        self.model_sha256.as_deref().unwrap_or(&self.model)
     }
 
-    /// The effects that count against the valve.
-    pub fn causes(&self) -> impl Iterator<Item = &RowEffect> {
-        self.effects.iter().filter(|e| e.claim.as_deref() != Some("lacks"))
+    /// Whether something is missing that no effect carries.
+    pub fn is_open(&self) -> bool {
+        matches!(self.verdict.as_deref(), Some("unexplained" | "partly_explained"))
     }
+}
 
-    /// Something is missing that no effect carries.
-    pub fn is_unknown(&self) -> bool {
-        !self.is_faulty() && matches!(self.verdict.as_deref(), Some("unexplained" | "partly_explained"))
+impl RowEffect {
+    /// Whether the diagnosis says no more than that the model lacks it.
+    pub fn is_lack(&self) -> bool {
+        self.claim.as_deref() == Some("lacks")
     }
 }
 
@@ -130,13 +150,13 @@ mod tests {
     fn a_row_takes_the_answer_from_its_document() {
         let mut row = super::super::table::example("a");
         let text = r#"{"verdict":"partly_explained","rmse_bar":{"base":0.4,"noise_floor":0.05},"form":[{"id":"reference_shape"}],
+            "recalibration":[{"parameter":"gain","before":1.0,"after":1.5,"unit":"1"}],
             "effects":[{"id":"creep","claim":"lacks","parameters":{"share":{"value":0.1,"std_error":null,"unit":"1"}}}],
             "unexplained":{"rms_bar":0.2,"depends_on":[["pressure",0.5]]},"where":{"band_hz":[2.0,4.0]}}"#;
         row.fill(&serde_json::from_str(text).unwrap_or_default());
-        assert!(!row.is_faulty() && row.is_unknown(), "a lack of the model accuses no valve");
+        assert!(row.effects[0].is_lack() && row.is_open());
         assert_eq!(row.remainder.as_deref(), Some("depends on pressure, 2 to 4 Hz"));
         assert_eq!((row.rmse_bar["base"], row.form.len(), row.effects[0].parameters["share"].0), (0.4, 1, 0.1));
-        row.effects[0].claim = None;
-        assert!(row.is_faulty() && !row.is_unknown());
+        assert_eq!(row.recalibration["gain"], (0.5, "1".to_owned()));
     }
 }

@@ -20,25 +20,29 @@ use serde::{Deserialize, Serialize};
 use super::FleetError;
 use super::collected::{Collected, Earlier, Segments};
 use super::row::{Row, RowEffect, Status};
+use super::standing::Standing;
 use crate::recording::replace_file;
 
 /// A column: name, and its cell of a row.
-enum Column {
+enum Column<'s> {
     Text(String, fn(&Row) -> Option<String>),
     Number(String, fn(&Row) -> Option<f64>),
+    /// What counts against the valve.
+    Causes(&'s Standing),
     Tag(String),
 }
 
-impl Column {
+impl Column<'_> {
     fn name(&self) -> String {
         match self {
             Self::Text(name, _) | Self::Number(name, _) => name.clone(),
+            Self::Causes(_) => "causes".to_owned(),
             Self::Tag(tag) => format!("tag_{}", tag.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect::<String>()),
         }
     }
 }
 
-fn columns(rows: &[Row]) -> Vec<Column> {
+fn columns<'s>(rows: &[Row], standing: &'s Standing) -> Vec<Column<'s>> {
     let text = |name: &str, cell| Column::Text(name.to_owned(), cell);
     let number = |name: &str, cell| Column::Number(name.to_owned(), cell);
     let mut columns = vec![
@@ -53,7 +57,7 @@ fn columns(rows: &[Row]) -> Vec<Column> {
         text("version", |r| Some(r.version.clone())),
         text("verdict", |r| r.verdict.clone()),
         text("effects", |r| Some(r.effects.iter().map(|e| e.id.as_str()).collect::<Vec<_>>().join("+"))),
-        text("causes", |r| Some(r.causes().map(|e| e.id.as_str()).collect::<Vec<_>>().join("+"))),
+        Column::Causes(standing),
         text("form", |r| Some(r.form.join("+"))),
         number("base_bar", |r| r.rmse_bar.get("base").copied()),
         number("base_heldout_bar", |r| r.rmse_bar.get("base_heldout").copied()),
@@ -64,6 +68,7 @@ fn columns(rows: &[Row]) -> Vec<Column> {
         text("document", |r| r.document.clone()),
         number("attempt", |r| Some(f64::from(r.attempt))),
         text("errors_bar", |r| serde_json::to_string(&r.rmse_bar).ok()),
+        text("recalibration", |r| serde_json::to_string(&r.recalibration).ok()),
     ];
     columns.extend(tags(rows).into_iter().map(|t| Column::Tag(t.clone())));
     columns
@@ -91,10 +96,10 @@ struct State {
 ///
 /// # Errors
 /// [`FleetError::Table`] where it cannot be written.
-pub fn write(path: &Path, collected: &Collected, findings: &[String]) -> Result<(), FleetError> {
+pub fn write(path: &Path, collected: &Collected, standing: &Standing, findings: &[String]) -> Result<(), FleetError> {
     let wrong = |e: String| FleetError::Table { path: path.to_path_buf(), what: e };
     let rows = &collected.rows[..];
-    let columns = columns(rows);
+    let columns = columns(rows, standing);
     let fields: Vec<String> = columns
         .iter()
         .map(|c| match c {
@@ -126,6 +131,7 @@ pub fn write(path: &Path, collected: &Collected, findings: &[String]) -> Result<
                 text => {
                     let cell = |row: &Row| match text {
                         Column::Text(_, cell) => cell(row),
+                        Column::Causes(standing) => Some(standing.causes(row).map(|e| e.id.as_str()).collect::<Vec<_>>().join("+")),
                         Column::Tag(tag) => row.tags.get(tag).cloned(),
                         Column::Number(..) => None,
                     };
@@ -199,6 +205,7 @@ fn row(cells: &[(String, Field)], tags: &[String]) -> Option<Row> {
         verdict: maybe("verdict")?,
         effects,
         form: must("form")?.split('+').filter(|id| !id.is_empty()).map(str::to_owned).collect(),
+        recalibration: serde_json::from_str(&must("recalibration")?).ok()?,
         rmse_bar: serde_json::from_str(&must("errors_bar")?).ok()?,
         remainder: maybe("remainder")?,
         document: maybe("document")?,
@@ -225,6 +232,7 @@ pub(super) fn example(id: &str) -> Row {
         verdict: Some("match".to_owned()),
         effects: Vec::new(),
         form: Vec::new(),
+        recalibration: std::collections::BTreeMap::new(),
         rmse_bar: std::collections::BTreeMap::from([("base".to_owned(), 0.25)]),
         remainder: None,
         document: None,
@@ -246,7 +254,12 @@ mod tests {
         let path = folder.path().join("fleet.parquet");
         assert!(earlier(&path)?.0.is_empty());
         let rows = vec![example("a"), Row { verdict: None, ..example("b") }];
-        write(&path, &Collected { rows: rows.clone(), segments: Segments::new(), read: 2 }, &["lot L1: creep".to_owned()])?;
+        write(
+            &path,
+            &Collected { rows: rows.clone(), segments: Segments::new(), read: 2 },
+            &Standing::default(),
+            &["lot L1: creep".to_owned()],
+        )?;
         assert_eq!(earlier(&path)?, (vec!["lot L1: creep".to_owned()], Some(Earlier { rows, segments: Segments::new() })));
         let reader = SerializedFileReader::new(std::fs::File::open(&path)?)?;
         let rows: Vec<String> = reader.get_row_iter(None)?.map(|r| r.map(|r| r.to_string())).collect::<Result<_, _>>()?;
@@ -269,7 +282,7 @@ mod tests {
     /// Collected over the table that is there, which is written anew.
     fn collected(folder: &Path, table: &Path) -> Result<Collected, FleetError> {
         let done = collect([folder], earlier(table)?.1)?;
-        write(table, &done, &[])?;
+        write(table, &done, &Standing::of(&done.rows), &[])?;
         Ok(done)
     }
 
@@ -282,6 +295,7 @@ mod tests {
             id: "creep".into(),
             claim: Some("changed".into()),
             parameters: BTreeMap::from([("share".into(), (0.0512345, Some(0.0012), "1".into())), ("tau".into(), (3.5, None, "s".into()))]),
+            indistinguishable: vec!["leakage".into()],
         }];
         full.form = vec!["reference_shape".into(), "reference_shift".into()];
         full.rmse_bar.insert("another".into(), 0.125);

@@ -178,6 +178,7 @@ fn blank<T: Task>(task: &T, job: &Job, attempt: u32) -> Row {
         verdict: None,
         effects: Vec::new(),
         form: Vec::new(),
+        recalibration: std::collections::BTreeMap::new(),
         rmse_bar: std::collections::BTreeMap::new(),
         remainder: None,
         document: None,

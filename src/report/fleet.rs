@@ -8,11 +8,17 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::plot::{Color, Figure, Stroke};
-use crate::fleet::findings::{FleetFinding, Rate, date, holds_dates, number, numeric_columns};
+use crate::diagnose::figure;
+use crate::fleet::findings::{FleetFinding, date, groups, holds_dates, number, numeric_columns};
+use crate::fleet::levels::{Level, levels};
+use crate::fleet::rate::Rate;
 use crate::fleet::row::{Row, Status};
+use crate::fleet::standing::Standing;
 
 /// Most rows of a table on the page: the rest is in the Parquet table.
 const MOST_ROWS: usize = 400;
+/// A column of more groups than this has no table of its own.
+const MOST_GROUPS: usize = 100;
 /// Most dots of a figure.
 const MOST_DOTS: usize = 2000;
 
@@ -41,24 +47,24 @@ pub struct Summary {
 
 impl Summary {
     /// Counts. `confusion`: share of the faulty that is found, of the healthy that is accused.
-    pub fn new(rows: &[Row], found: &[FleetFinding], new: &[&String], confusion: Option<(Rate, Rate)>) -> Self {
+    pub fn new(rows: &[Row], standing: &Standing, found: &[FleetFinding], new: &[&String], confusion: Option<(Rate, Rate)>) -> Self {
         let done: Vec<&Row> = rows.iter().filter(|r| r.status == Status::Done).collect();
         let count = |holds: &dyn Fn(&Row) -> bool| Rate::new(done.iter().filter(|r| holds(r)).count(), done.len());
         let mut effects: BTreeMap<String, usize> = BTreeMap::new();
-        for effect in done.iter().flat_map(|r| r.causes()) {
+        for effect in done.iter().flat_map(|r| standing.causes(r)) {
             *effects.entry(effect.id.clone()).or_insert(0) += 1;
         }
         let mut effects: Vec<(String, usize)> = effects.into_iter().collect();
         effects.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-        let faulty = count(&Row::is_faulty);
+        let faulty = count(&|r| standing.is_faulty(r));
         Self {
             rows: rows.len(),
             unusable: rows.len() - done.len(),
             faulty,
             corrected: confusion.and_then(|(found, accused)| faulty.corrected(found, accused)),
             has_confusion: confusion.is_some(),
-            unknown: count(&Row::is_unknown),
-            healthy: count(&|r| !r.is_faulty() && !r.is_unknown()),
+            unknown: count(&|r| standing.is_unknown(r)),
+            healthy: count(&|r| !standing.is_faulty(r) && !standing.is_unknown(r)),
             effects,
             findings: found.iter().map(|f| (f.clone(), new.contains(&&f.name()))).collect(),
         }
@@ -80,12 +86,13 @@ fn corrected(s: &Summary) -> String {
 }
 
 fn sentence(f: &FleetFinding) -> String {
+    let what = std::iter::once(&f.what).chain(&f.or).cloned().collect::<Vec<_>>().join(" or ");
     let mut text = match &f.column {
         Some(column) => format!(
             "{column} {}: {} in {} of {}, elsewhere in {} of {} (p {:.1e})",
-            f.group, f.what, f.inside.0, f.inside.1, f.outside.0, f.outside.1, f.p_value
+            f.group, what, f.inside.0, f.inside.1, f.outside.0, f.outside.1, f.p_value
         ),
-        None => format!("{}: {} of {} look alike", f.what, f.inside.0, f.inside.1),
+        None => format!("{}: {} of {} look alike", what, f.inside.0, f.inside.1),
     };
     if let Some(o) = &f.onset {
         let at = if o.is_date { date(o.at) } else { format!("{:.0}", o.at) };
@@ -116,7 +123,7 @@ pub fn json(s: &Summary) -> String {
             |o| json!({ "column": o.column, "at": o.at, "date": o.is_date.then(|| date(o.at)), "before": o.before, "after": o.after }),
         );
         let p_value = f.p_value.is_finite().then_some(f.p_value);
-        json!({ "column": f.column, "group": f.group, "what": f.what, "inside": f.inside, "outside": f.outside, "p_value": p_value, "onset": onset, "new": new })
+        json!({ "column": f.column, "group": f.group, "what": f.what, "or": f.or, "inside": f.inside, "outside": f.outside, "p_value": p_value, "onset": onset, "new": new })
     };
     let document = json!({
         "schema": "hil.fleet/1",
@@ -133,7 +140,7 @@ pub fn json(s: &Summary) -> String {
 }
 
 /// The page; links are relative to the folder that it lies in.
-pub fn page(rows: &[Row], s: &Summary, folder: &Path) -> String {
+pub fn page(rows: &[Row], standing: &Standing, s: &Summary, folder: &Path) -> String {
     let done: Vec<&Row> = rows.iter().filter(|r| r.status == Status::Done).collect();
     let body = html! {
         h1 { "Fleet" }
@@ -147,54 +154,32 @@ pub fn page(rows: &[Row], s: &Summary, folder: &Path) -> String {
         @if s.findings.is_empty() { p { "No group of valves stands apart." } }
         ul { @for (f, new) in &s.findings { li { @if *new { strong { "new: " } } (sentence(f)) } } }
         h2 { "Effects" }
-        (pareto(s, &done))
+        (pareto(s, &done, standing))
         h2 { "Parameters" }
-        (parameters(&done))
+        (parameters(&done, standing))
+        (by_group(&levels(rows, standing)))
         h2 { "Valves that stand apart" }
-        (valves(&done, folder))
+        (valves(&done, standing, folder))
         @if s.unusable > 0 { h2 { "Unusable inputs" } (unusable(rows)) }
     };
     super::page("Fleet", &body)
 }
 
-/// Values of a column: valves with a cause, and valves.
-type Groups = BTreeMap<String, (usize, usize)>;
-
-/// Columns that group: few values, most rows.
-fn grouping(done: &[&Row]) -> Vec<(String, Groups)> {
-    let columns: std::collections::BTreeSet<&String> = done.iter().flat_map(|r| r.tags.keys()).collect();
-    let numbers = numeric_columns(done);
-    columns
-        .into_iter()
-        .filter(|c| !numbers.contains(c))
-        .filter_map(|column| {
-            let mut groups = Groups::new();
-            for row in done {
-                if let Some(value) = row.tags.get(column) {
-                    let group = groups.entry(value.clone()).or_default();
-                    group.0 += usize::from(row.is_faulty());
-                    group.1 += 1;
-                }
-            }
-            ((2..=100).contains(&groups.len()) && done.len() >= 3 * groups.len()).then(|| (column.clone(), groups))
-        })
-        .collect()
-}
-
-fn pareto(s: &Summary, done: &[&Row]) -> Markup {
+fn pareto(s: &Summary, done: &[&Row], standing: &Standing) -> Markup {
     let most = s.effects.first().map_or(1, |e| e.1).max(1);
     html! {
         @if s.effects.is_empty() { p.soft { "No valve has a cause." } } @else { .card.scroll { table.pareto {
             thead { tr { th { "effect" } th.num { "valves" } th { "" } } }
             tbody { @for (id, n) in &s.effects { tr { td { (id) } td.num { (n) } td.wide { span.gauge.fail { i style={ "width:" (100 * n / most) "%" } {} } } } } }
         } } }
-        @for (column, groups) in grouping(done) {
+        @for (column, groups) in groups(done).into_iter().filter(|(_, groups)| groups.len() <= MOST_GROUPS) {
             h3 { "By " (column) }
             .card.scroll { table {
                 thead { tr { th { (column) } th.num { "valves" } th.num { "with a cause" } th { "95 % interval (Wilson)" } } }
-                tbody { @for (group, (hits, of)) in &groups {
-                    @let r = Rate::new(*hits, *of);
-                    tr { td { (group) } td.num { (of) } td.num { (hits) } td { (format!("{:.1} to {:.1} %", 100.0 * r.low, 100.0 * r.high)) } }
+                tbody { @for (group, members) in &groups {
+                    @let hits = members.iter().filter(|m| standing.is_faulty(done[**m])).count();
+                    @let r = Rate::new(hits, members.len());
+                    tr { td { (group) } td.num { (members.len()) } td.num { (hits) } td { (format!("{:.1} to {:.1} %", 100.0 * r.low, 100.0 * r.high)) } }
                 } }
             } }
         }
@@ -207,11 +192,11 @@ type Axes = (String, String);
 type Dot = (f64, f64, f64);
 
 /// Each parameter of each effect over each number of the list, with its 95 % interval.
-fn parameters(done: &[&Row]) -> Markup {
+fn parameters(done: &[&Row], standing: &Standing) -> Markup {
     let columns = numeric_columns(done);
     let mut dots: BTreeMap<Axes, Vec<Dot>> = BTreeMap::new();
     for row in done {
-        for effect in row.causes() {
+        for effect in standing.causes(row) {
             for (name, (value, error, unit)) in &effect.parameters {
                 for column in &columns {
                     if let Some(x) = row.tags.get(column).and_then(|t| number(t)) {
@@ -228,6 +213,22 @@ fn parameters(done: &[&Row]) -> Markup {
         @for ((label, column), dots) in dots.iter().take(24) {
             (over(done, label, column, dots))
         }
+    }
+}
+
+/// Each parameter by groups.
+fn by_group(levels: &[Level]) -> Markup {
+    html! {
+        @if !levels.is_empty() { .card.scroll { table {
+            thead { tr { th { "parameter" } th { "group" } th.num { "valves" } th.num { "mean" } th.num { "95 % interval (Student)" } } }
+            tbody { @for l in levels.iter().take(MOST_ROWS) {
+                @let figure = |v: f64| figure(v, &l.unit);
+                tr {
+                    td { (l.parameter) } td { (l.column) " " (l.group) } td.num { (l.count) } td.num { (figure(l.mean)) }
+                    td.num { (figure(l.interval.low)) " to " (figure(l.interval.high)) }
+                }
+            } }
+        } } }
     }
 }
 
@@ -248,8 +249,8 @@ fn over(done: &[&Row], label: &str, column: &str, dots: &[Dot]) -> Markup {
         .render()
 }
 
-fn valves(done: &[&Row], folder: &Path) -> Markup {
-    let mut apart: Vec<&&Row> = done.iter().filter(|r| r.is_faulty() || r.is_unknown()).collect();
+fn valves(done: &[&Row], standing: &Standing, folder: &Path) -> Markup {
+    let mut apart: Vec<&&Row> = done.iter().filter(|r| standing.is_faulty(r) || standing.is_unknown(r)).collect();
     let base = |r: &Row| r.rmse_bar.get("base").copied().unwrap_or(0.0);
     apart.sort_by(|a, b| base(b).total_cmp(&base(a)));
     html! {
@@ -258,7 +259,7 @@ fn valves(done: &[&Row], folder: &Path) -> Markup {
             tbody { @for row in apart.iter().take(MOST_ROWS) { tr {
                 td { @if let Some(d) = &row.document { a href=(link(d, folder)) { (row.id) } } @else { (row.id) } }
                 td.verdict { (row.verdict.as_deref().unwrap_or("-").replace('_', " ")) }
-                td { (row.effects.iter().map(|e| e.id.as_str()).collect::<Vec<_>>().join(", ")) @if row.is_unknown() { (row.remainder.as_deref().unwrap_or("")) } }
+                td { (standing.causes(row).map(|e| e.id.as_str()).collect::<Vec<_>>().join(", ")) @if standing.is_unknown(row) { (row.remainder.as_deref().unwrap_or("")) } }
                 td.num { (format!("{:.3} bar", base(row))) }
                 td.what { (row.tags.iter().map(|(k, v)| format!("{k} {v}")).collect::<Vec<_>>().join(", ")) }
             } } }
