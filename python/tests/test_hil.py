@@ -6,6 +6,7 @@ import _thread
 import csv
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -169,6 +170,8 @@ def test_the_lock_is_released(model):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_ctrl_c_ends_a_diagnosis(model, drive):
     tiled = {"time_s": 0.01 * np.arange(20 * 6000), "current_a": np.tile(drive["current_a"], 20), "pressure_bar": np.tile(drive["pressure_bar"], 20)}
+    # Begun in the background of a shell, a process ignores Ctrl-C, and Python leaves it at that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.5, _thread.interrupt_main)
     timer.start()
     began = time.monotonic()

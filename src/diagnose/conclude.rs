@@ -15,7 +15,7 @@ use super::model::{Model, Simulator};
 use super::remainder::remainder;
 use super::scatter::Scattered;
 use super::search::Search;
-use crate::physics::{EFFECTS, Kind, specification};
+use crate::physics::{EFFECTS, Kind};
 use crate::recording::Recording;
 use crate::valve::Valve;
 
@@ -121,7 +121,7 @@ impl<'a> Findings<'_, 'a> {
             None if kept => (self.given.valve.clone(), base_bar.clone()),
             None => (search.chosen.model.valve_file(&search.chosen.theta), augmented_bar),
         };
-        augmented.effects.extend(self.scattered.iter().map(|s| specification(s.effect, &s.finding.theta)));
+        augmented.effects.extend(self.scattered.iter().filter_map(Scattered::specification));
         if evidence.noise_bar > 0.0 {
             augmented.noise_bar = evidence.noise_bar;
         }

@@ -2,8 +2,8 @@
 //! the cost of a search does not grow with the length. What was found is then fitted and judged on all of it.
 
 use super::evidence::{Evidence, MIDDLE};
-use super::fit::Fitter;
-use super::model::{Model, VALVE_STEP_S};
+use super::fit::{Fit, Fitter};
+use super::model::{Model, Simulator, VALVE_STEP_S};
 use crate::course::Run;
 
 /// Samples that a search looks at where one of them costs a step of one lag: over two minutes at 100 Hz,
@@ -12,14 +12,18 @@ const MOST_SAMPLES: usize = 16_000;
 const FEWEST_SAMPLES: usize = 4_000;
 /// Inner steps of a sample in which causes are looked for: what a coarse step is off by is small beside what they do.
 const ROUGH: usize = 4;
-/// Stretches of a run that is longer: its begin, where a valve fills and warms up, its end, where a drift is largest, and the
-/// stretch between them where the current moves most.
-const STRETCHES: usize = 3;
+/// Stretches of a run that is longer: one early, where a valve fills and warms up, one late, where a drift is largest, the one between
+/// them where the current moves most, and the one where the recalibrated model is farthest off.
+const STRETCHES: usize = 4;
+/// An early or a late stretch is the begin or the end itself where the current moves at least so much of what it does in the liveliest
+/// one of that third: a valve at rest shows nothing.
+const LIVELY: f64 = 0.5;
 /// Part of a stretch within the run in which the simulation finds its way, and is not compared.
 const LEAD_IN: f64 = 0.1;
 
-/// The part of the evidence that a search looks at, masked as the fitter has it; `None` where that is all of it.
-pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>) -> Option<Evidence> {
+/// The part of the evidence that a search looks at, masked as the fitter has it; `None` where that is all of it. `null`: the
+/// recalibrated model on all of it, where it is known.
+pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) -> Option<Evidence> {
     let evidence = fitter.evidence;
     let samples = evidence.samples();
     // What is added to the base divides a long step, too, unless all that is slow belongs to the base.
@@ -33,24 +37,25 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>) -> Option<Evidence> {
     // No coarser than valves are recorded: what happens faster is seen at the samples that remain.
     let finest = ((VALVE_STEP_S / evidence.step_s()) as usize).max(1);
     let every = samples.div_ceil(most).clamp(1, finest);
+    let off_bar = null.filter(|_| samples > most).map_or_else(Vec::new, |null| distances(fitter, null));
     let mut begin = 0;
     let mut runs = Vec::new();
     for (run, share) in evidence.grids.iter().zip(&evidence.start_shares) {
         let mut masked = run.clone();
         masked.pressure_bar.copy_from_slice(&fitter.measured[begin..begin + run.len()]);
+        let off_bar: Vec<f64> = off_bar.iter().skip(begin).take(run.len()).step_by(every).copied().collect();
         begin += run.len();
-        runs.push((masked.thinned(every, evidence.input), *share));
+        runs.push((masked.thinned(every, evidence.input), *share, off_bar));
     }
-    let samples_of = |runs: &[(Run, f64)]| runs.iter().map(|(run, _)| run.len()).sum::<usize>();
+    let samples_of = |runs: &[(Run, f64, Vec<f64>)]| runs.iter().map(|(run, ..)| run.len()).sum::<usize>();
     // Of many runs some, whole: a few samples of each would show no movement of any.
     let many = runs.len() > STRETCHES;
     let among = if many { samples_of(&runs).div_ceil(most) } else { 1 };
-    let mut runs: Vec<(Run, f64)> = runs.into_iter().step_by(among).collect();
+    let runs: Vec<_> = runs.into_iter().step_by(among).collect();
     let all = samples_of(&runs);
-    if all > most && runs.len() <= STRETCHES {
-        runs = runs.iter().flat_map(|(run, share)| stretches(run, *share, run.len() * most / all)).collect();
-    }
-    Some(evidence.of_runs(runs.into_iter().unzip(), ROUGH))
+    let part = if all > most && runs.len() <= STRETCHES { most as f64 / all as f64 } else { 1.0 };
+    let runs = runs.iter().flat_map(|(run, share, off_bar)| stretches(run, *share, (run.len() as f64 * part) as usize, off_bar));
+    Some(evidence.of_runs(runs.unzip(), ROUGH))
 }
 
 /// What a reader should know of it; nothing where all samples are looked at.
@@ -68,23 +73,55 @@ pub fn note(all: &Evidence, short: &Evidence) -> Option<String> {
     ))
 }
 
-/// Stretches of a run with `most` samples in all, and where the valve stands at the begin of each.
-fn stretches(run: &Run, start_share: f64, most: usize) -> Vec<(Run, f64)> {
+/// How far off a fit is at each sample; zero where nothing is measured [bar].
+fn distances(fitter: &Fitter<'_>, fit: &Fit<'_>) -> Vec<f64> {
+    let mut residual = Vec::new();
+    Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
+    residual.iter().map(|r| if r.is_finite() { r.abs() } else { 0.0 }).collect()
+}
+
+/// Stretches of a run with `most` samples in all, and where the valve stands at the begin of each; `off_bar`: how far the
+/// recalibrated model is off at each sample, or nothing.
+fn stretches(run: &Run, start_share: f64, most: usize, off_bar: &[f64]) -> Vec<(Run, f64)> {
     let each = most / STRETCHES;
     if run.len() <= most || each < 2 {
         return vec![(run.clone(), start_share)];
     }
-    let moved = |from: usize| run.current_a[from..from + each].windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>();
     let last = run.len() - each;
-    let middle = (each..=last.saturating_sub(each).max(each)).step_by((each / 4).max(1)).max_by(|a, b| moved(*a).total_cmp(&moved(*b)));
-    let mut parts = vec![(run.part(0..each), start_share)];
-    for from in middle.into_iter().chain([last]) {
+    let moved = cumulated(run.current_a.windows(2).map(|w| (w[1] - w[0]).abs()));
+    let moved = |from: usize| moved[from + each - 1] - moved[from];
+    let off = cumulated(off_bar.iter().copied());
+    let off = |from: usize| off.get(from + each).map_or(0.0, |end| end - off[from]);
+    let among = |from: usize, to: usize| (from..=to.max(from)).step_by((each / 4).max(1));
+    let liveliest = |from: usize, to: usize| among(from, to).max_by(|a, b| moved(*a).total_cmp(&moved(*b))).unwrap_or(from);
+    let at = |place: usize, other: usize| if moved(place) >= LIVELY * moved(other) { place } else { other };
+    let early = at(0, liveliest(0, run.len() / 3));
+    let late = at(last, liveliest((2 * run.len() / 3).min(last), last));
+    let middle = liveliest(early + each, late.saturating_sub(each));
+    let mut chosen = vec![early, middle, late];
+    // Of the rest the one that is farthest off, or else the liveliest.
+    let apart = |from: &usize| chosen.iter().all(|c| c.abs_diff(*from) >= each);
+    chosen.extend(among(0, last).filter(apart).max_by(|a, b| off(*a).total_cmp(&off(*b)).then(moved(*a).total_cmp(&moved(*b)))));
+    chosen.sort_unstable();
+    let part = |from: usize| {
         let mut part = run.part(from..from + each);
+        if from == 0 {
+            return (part, start_share);
+        }
         let lead_in = (LEAD_IN * each as f64) as usize;
         part.pressure_bar[..lead_in].fill(f64::NAN);
-        parts.push((part, MIDDLE));
-    }
-    parts
+        (part, MIDDLE)
+    };
+    chosen.into_iter().map(part).collect()
+}
+
+/// Zero and the sums up to each value.
+fn cumulated(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let sums = values.scan(0.0, |sum, v| {
+        *sum += v;
+        Some(*sum)
+    });
+    std::iter::once(0.0).chain(sums).collect()
 }
 
 #[cfg(test)]
@@ -93,10 +130,14 @@ mod tests {
     use crate::course::Input;
     use crate::valve::Valve;
 
-    fn looked_at(fitter: &Fitter<'_>) -> Option<Evidence> {
+    fn model() -> Valve {
         let text = "schema = \"hil.valve/1\"\nname = \"test\"\ncurrent_limits = [\"0 A\", \"1 A\"]\nhysteresis.hyperbolic.a = \"0.8 bar^2\"\n\
                     delay = \"23 ms\"\n[curve]\nascending = [20.0, 0.0]\ndescending = [20.0, 0.5]\n";
-        excerpt(fitter, &Model::base(&Valve::from_toml(text, "test").unwrap()).unwrap())
+        Valve::from_toml(text, "test").unwrap()
+    }
+
+    fn looked_at(fitter: &Fitter<'_>) -> Option<Evidence> {
+        excerpt(fitter, &Model::base(&model()).unwrap(), None)
     }
 
     fn evidence(samples: usize, dt_s: f64) -> Evidence {
@@ -144,5 +185,23 @@ mod tests {
         let less = looked_at(&fitter).unwrap();
         let half = less.grids[0].pressure_bar.iter().filter(|p| p.is_nan()).count();
         assert!(half.abs_diff(less.samples() / 2) <= 1, "{half}");
+    }
+
+    #[test]
+    fn a_valve_at_rest_is_looked_at_where_it_moves_and_where_the_model_is_off() {
+        // It moves for a minute at 500, 2000 and 3200 s, and something happens at 2600 s.
+        let moves = |t: f64| [500.0, 2000.0, 3200.0].iter().any(|from| (*from..from + 60.0).contains(&t));
+        let time_s = |k: usize| k as f64 * 0.01;
+        let current: Vec<f64> = (0..360_000).map(|k| 0.5 + if moves(time_s(k)) { 0.3 * time_s(k).sin() } else { 0.0 }).collect();
+        let off = |k: usize| if (2600.0..2700.0).contains(&time_s(k)) { 2.0 } else { 0.0 };
+        let pressure = current.iter().enumerate().map(|(k, i)| 20.0 * i + off(k)).collect();
+        let all = Evidence::new(vec![Run::even(None, 0.0, 0.01, current, pressure)], 0.02, Input::Ramp);
+        let (fitter, valve) = (Fitter::new(&all), model());
+        let base = Model::base(&valve).unwrap();
+        let less = excerpt(&fitter, &base, Some(&fitter.recalibrate(&base, &[]))).unwrap();
+        let windows: Vec<(f64, f64)> = less.grids.iter().map(|run| (run.time_s(0), run.time_s(run.len() - 1))).collect();
+        for wanted in [530.0, 2030.0, 2650.0, 3230.0] {
+            assert!(windows.iter().any(|(from, to)| (*from..*to).contains(&wanted)), "{wanted} s is not in {windows:?}");
+        }
     }
 }

@@ -131,7 +131,7 @@ impl Good {
         for k in masked.iter().flat_map(|s| &s.finding.masked) {
             fitter.measured[*k] = f64::NAN;
         }
-        let short = excerpt(&fitter, &base);
+        let short = excerpt(&fitter, &base, Some(&null));
         (fitter.criteria.worth, fitter.criteria.rounds) = (fitter.criteria.worth_of_form, fitter.criteria.rounds_of_form);
         let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
         let found = search_in(&mut fitter, looking.as_mut(), &base);

@@ -71,7 +71,7 @@ use model::Model;
 use scatter::scatter;
 
 use crate::course::{Course, Preparation};
-use crate::physics::{Kind, specification};
+use crate::physics::Kind;
 use crate::recording::Recording;
 use crate::valve::Valve;
 
@@ -164,7 +164,7 @@ fn on_evidence(
         }
         fitter.found.push(s.effect.id());
     }
-    let short = excerpt::excerpt(&fitter, &base);
+    let short = excerpt::excerpt(&fitter, &base, Some(&null));
     let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
     let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);
     start::drop_denied(&fitter, &mut search, &unsettled);
@@ -193,7 +193,7 @@ fn on_evidence(
     let remains = matches!(found.diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
     // The states of a process last longer than those that are tried, and a foreign model is taken as it is.
     if let Some(term) = (remains && foreign.is_none() && !evidence.is_slow()).then(|| discover::discover(&fitter, &chosen)).flatten() {
-        let beside: Vec<_> = scattered.iter().map(|s| specification(s.effect, &s.finding.theta)).collect();
+        let beside: Vec<_> = scattered.iter().filter_map(scatter::Scattered::specification).collect();
         term.enter(&mut found, &chosen, beside);
     }
     if found.diagnosis.verdict != Verdict::Match {

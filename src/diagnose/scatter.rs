@@ -2,7 +2,8 @@
 
 use super::fit::{Fit, Fitter};
 use super::model::Simulator;
-use crate::physics::{EFFECTS, Effect, Scatter, ScatterFinding};
+use crate::physics::{EFFECTS, Effect, Scatter, ScatterFinding, specification};
+use crate::valve::EffectSpec;
 
 /// An effect of the scatter with what it found.
 pub struct Scattered {
@@ -10,6 +11,13 @@ pub struct Scattered {
     pub effect: &'static dyn Effect,
     /// What it found.
     pub finding: ScatterFinding,
+}
+
+impl Scattered {
+    /// What the augmented model holds of it; nothing of what came at times of its own.
+    pub fn specification(&self) -> Option<EffectSpec> {
+        (!self.finding.is_event).then(|| specification(self.effect, &self.finding.theta))
+    }
 }
 
 /// Those of the effects asked for whose signature shows in the scatter about this fit, or in stretches of their own.

@@ -69,7 +69,7 @@ pub struct Search<'a> {
 
 /// "Recalibrate only", of the base and of one whose lag is not believed where the recording does not confirm it.
 pub fn recalibrated<'a>(fitter: &Fitter<'_>, base: Model<'a>) -> (Fit<'a>, Model<'a>) {
-    let short = excerpt(fitter, &base);
+    let short = excerpt(fitter, &base, None);
     let find = |base: &Model<'a>| match &short {
         Some(short) => fitter.refit(base, &fitter.looking_at(short).recalibrate(base, &[]).theta),
         None => fitter.recalibrate(base, &[]),

@@ -234,6 +234,22 @@ fn a_slow_wander_is_no_drift() {
 }
 
 #[test]
+fn a_supply_that_sags_at_times_of_its_own_is_named_and_no_part_of_the_augmented_model() {
+    let mut sagging = recording(&valve());
+    let run = &mut sagging.runs[0];
+    let is_low = |t: &f64| (14.0..22.0).contains(t) || (34.0..46.0).contains(t);
+    let mut random = rand_pcg::Pcg64::seed_from_u64(6);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    for (p, _) in run.pressure_bar.iter_mut().flatten().zip(&run.time_s).filter(|(_, t)| is_low(t)) {
+        *p = p.min(16.0 + normal.sample(&mut random));
+    }
+    let found = diagnose(&sagging, &valve()).unwrap();
+    let named: Vec<&str> = found.diagnosis.effects.iter().map(|e| e.id.as_str()).collect();
+    assert_eq!(named, ["supply_saturation"], "{}", found.diagnosis.summary);
+    assert!(found.augmented.effects.is_empty(), "another drive has its own sags: {:?}", found.augmented.effects);
+}
+
+#[test]
 fn spoilt_readings_are_no_cause_where_most_of_the_error_lies_elsewhere() {
     let spikes = |recording: &mut Recording| {
         for p in recording.runs[0].pressure_bar.iter_mut().flat_map(|p| p.iter_mut().skip(700).step_by(650)) {

@@ -115,6 +115,7 @@ impl Effect for DelayJitter {
         let spread_bar: Vec<f64> = slopes.iter().map(|s| spread_s * s.abs()).collect();
         let gain_nats = nats(of, noise_bar, &spread_bar);
         (gain_nats > 20.0).then(|| ScatterFinding {
+            is_event: false,
             theta: vec![spread_s],
             std_errors: vec![spread_s / (2.0 * shifts.len() as f64).sqrt()],
             gain_nats,

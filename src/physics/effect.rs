@@ -326,6 +326,8 @@ pub struct ScatterFinding {
     pub masked: Vec<usize>,
     /// Standard deviation of what it adds to each sample [bar].
     pub spread_bar: Vec<f64>,
+    /// Whether it came at times of its own, which say nothing of another drive: no model of the valve holds it then.
+    pub is_event: bool,
     /// The figures that speak for it.
     pub evidence: String,
 }

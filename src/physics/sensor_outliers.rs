@@ -99,6 +99,7 @@ impl Effect for SensorOutliers {
         let mut spread_bar = vec![0.0; error.len()];
         masked.iter().for_each(|k| spread_bar[*k] = size);
         Some(ScatterFinding {
+            is_event: false,
             theta: vec![share, size],
             std_errors: vec![(share * (1.0 - share) / n as f64).sqrt(), size / (2.0 * count).sqrt()],
             gain_nats: sizes.iter().map(nats).sum(),

@@ -68,6 +68,7 @@ impl Effect for SensorQuantization {
             return None;
         }
         Some(ScatterFinding {
+            is_event: false,
             theta: vec![step],
             std_errors: vec![blur / steps.max(1.0)],
             // Each reading is one of few instead of any within its noise.

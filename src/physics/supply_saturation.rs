@@ -73,8 +73,9 @@ impl Effect for SupplySaturation {
             std_errors: vec![of.noise_bar, f64::NAN, of.dt_s, of.dt_s],
             gain_nats: masked.iter().map(excess).filter(|z| z.is_finite()).map(|z| (0.25 * z * z).ln_1p()).sum(),
             spread_bar: vec![0.0; of.measured_bar.len()],
+            is_event: true,
             evidence: format!(
-                "the pressure stands at {:.2} bar whatever is asked beyond it, but passes it at other times: {} (the model holds the longest; when the supply sags in another drive, the current does not tell)",
+                "the pressure stands at {:.2} bar whatever is asked beyond it, but passes it at other times: {} (longest from the begin to the end given; the augmented model is without it: when the supply sags in another drive, the current does not tell)",
                 sags.level_bar,
                 list.join(", ")
             ),
