@@ -103,6 +103,10 @@ pub fn mistake(evidence: &Evidence, valve: &Valve) -> Result<Option<(Mistake, f6
     if plain.gain > 0.0 && plain.share > FOLLOWS && plain.is_a_valve() && rising(evidence, valve, plain.shift_s)? > PLAINLY {
         return Ok(None);
     }
+    // Where its curves do not hold, a model says nothing, and may be off by any factor.
+    if plain.gain > 0.0 && follows_within(evidence, valve, &plain)? {
+        return Ok(None);
+    }
     let mut best: Option<(f64, Mistake)> = None;
     let mut consider = |share: f64, mistake: Mistake| {
         if share > PLAINLY && best.as_ref().is_none_or(|b| share > b.0 + 1e-3) {
@@ -304,8 +308,8 @@ fn correlation(g: &[f64], y: &[f64], size: usize) -> Vec<f64> {
     out
 }
 
-/// Share of the variance that any rising curve over the simulation explains, the pressure shifted by `shift_s`.
-fn rising(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<f64, PhysicsError> {
+/// Simulation and pressure at each sample, the pressure shifted by `shift_s` [bar].
+fn points(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<Vec<(f64, f64)>, PhysicsError> {
     let mut points = Vec::new();
     for number in 0..evidence.grids.len() {
         let (simulated, pressure, dt_s) = pair(evidence, number, valve, Reading::default())?;
@@ -315,6 +319,28 @@ fn rising(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<f64, Physi
             (g.is_finite() && y.is_finite()).then_some((*g, y))
         }));
     }
+    Ok(points)
+}
+
+/// Whether the pressure plainly follows the model on a line that a valve can have wherever the model's own curves hold.
+fn follows_within(evidence: &Evidence, valve: &Valve, plain: &Agreement) -> Result<bool, PhysicsError> {
+    let (bottom, top) = valve.curves.pressure_range_bar();
+    let mut points = points(evidence, valve, plain.shift_s)?;
+    points.retain(|p| (bottom..=top).contains(&p.0));
+    if points.len() < BINS {
+        return Ok(false);
+    }
+    let (g_mean, y_mean) = (mean(points.iter().map(|p| &p.0)), mean(points.iter().map(|p| &p.1)));
+    let sum = |of: fn(f64, f64) -> f64| points.iter().map(|p| of(p.0 - g_mean, p.1 - y_mean)).sum::<f64>();
+    let (g2, y2, gy) = (sum(|g, _| g * g), sum(|_, y| y * y), sum(|g, y| g * y));
+    let (gain, middle) = (gy / g2, 0.5 * (bottom + top));
+    let line = Agreement { share: gy * gy / (g2 * y2), gain, zero_bar: y_mean + gain * (middle - g_mean) - middle, ..*plain };
+    Ok(line.share > PLAINLY && line.is_a_valve())
+}
+
+/// Share of the variance that any rising curve over the simulation explains, the pressure shifted by `shift_s`.
+fn rising(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<f64, PhysicsError> {
+    let mut points = points(evidence, valve, shift_s)?;
     if points.len() < BINS {
         return Ok(0.0);
     }

@@ -7,7 +7,7 @@ use rand_distr::{Distribution, Normal};
 use super::*;
 use crate::physics::{effect, simulate, specification};
 use crate::recording::Run;
-use crate::valve::{Identification, Input};
+use crate::valve::{Identification, Input, Polynomial, ReferenceCurves};
 
 const NOISE_BAR: f64 = 0.03;
 
@@ -247,6 +247,23 @@ fn a_supply_that_sags_at_times_of_its_own_is_named_and_no_part_of_the_augmented_
     let named: Vec<&str> = found.diagnosis.effects.iter().map(|e| e.id.as_str()).collect();
     assert_eq!(named, ["supply_saturation"], "{}", found.diagnosis.summary);
     assert!(found.augmented.effects.is_empty(), "another drive has its own sags: {:?}", found.augmented.effects);
+}
+
+#[test]
+fn where_the_curves_of_a_model_do_not_hold_it_may_be_off_by_any_factor() {
+    // Identified from a sweep that ended at the limit of the supply; the straight line beyond is steep.
+    let ascending = Polynomial::new(vec![160.0, -20.0, 10.0, 0.0]);
+    let curves = ReferenceCurves::on_range(ascending.clone(), ascending, (0.0, 0.35));
+    let model = Valve { curves, ..valve() };
+    let (time_s, current_a) = drive();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(8);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    let limited = simulate(&model, Input::Held, &time_s, &current_a).unwrap();
+    let pressure = limited.iter().map(|p| p.min(8.0) + normal.sample(&mut random)).collect();
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    let d = diagnose(&Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![], input: None }, &model).unwrap().diagnosis;
+    assert_ne!(d.verdict, Verdict::NotComparable, "{}", d.summary);
+    assert_eq!(d.effects[0].id, "supply_saturation", "{}", d.summary);
 }
 
 #[test]
