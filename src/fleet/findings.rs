@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::comparison::{Comparison, StandsOut};
-use super::row::{Row, Status};
+use super::row::{Row, RowEffect, Status};
 use super::standing::{LEAST_VALVES, LOOK, Standing};
 
 /// Family-wise level of the comparisons.
@@ -74,6 +74,12 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
     // How an unknown rest looks is no matter of groups: that one is there is compared.
     let compared = || all.iter().filter(|(what, _)| !what.starts_with(LOOK));
     let comparisons = (groups.iter().map(|g| g.1.len()).sum::<usize>() * compared().count()) as f64;
+    // In a group that stands out, the name alone says which of its valves have it: the error of some is no larger than that of others.
+    let named: Vec<BTreeSet<String>> = rows.iter().map(|r| standing.named(r)).collect();
+    let believed = |what: &String, or: &[&String], has: &[bool]| -> Vec<bool> {
+        let is_named = |names: &BTreeSet<String>| names.contains(what) || or.iter().any(|w| names.contains(*w));
+        named.iter().zip(has).map(|(names, has)| *has || is_named(names)).collect()
+    };
     let mut tried: Vec<FleetFinding> = Vec::new();
     for (what, (has, or)) in compared() {
         let mut comparison = Comparison::new(has, &strata, &numbers);
@@ -88,12 +94,13 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
                 inside,
                 outside,
                 p_value: p_value * comparisons,
-                onset: onset(&columns, &numbers, has, members),
+                onset: [believed(what, or, has), has.clone()].iter().find_map(|has| onset(&columns, &numbers, has, members)),
             });
             comparison.set_aside(members);
         }
     }
     tried.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    let mut tried = one_each(tried, &rows, &counted);
     let alike = |has: &[bool]| has.iter().filter(|h| **h).count();
     for (what, (has, _)) in all.into_iter().filter(|(what, (has, _))| what.starts_with(LOOK) && alike(has) >= LEAST_CLUSTER) {
         tried.push(FleetFinding {
@@ -125,6 +132,27 @@ fn told_apart<'c>(rows: &[&Row], counted: &'c [BTreeSet<String>]) -> BTreeMap<&'
         (first, (has, names))
     };
     together.into_iter().map(entry).collect()
+}
+
+/// Findings of one group, of which the later names nothing that the valves of the surer one can be told to have, as one.
+fn one_each(tried: Vec<FleetFinding>, rows: &[&Row], counted: &[BTreeSet<String>]) -> Vec<FleetFinding> {
+    let mut kept: Vec<FleetFinding> = Vec::new();
+    for found in tried {
+        let is_of_group = |row: &Row| found.column.as_ref().and_then(|c| row.tags.get(c)) == Some(&found.group);
+        let showing: Vec<(&Row, &BTreeSet<String>)> =
+            rows.iter().zip(counted).filter(|(row, shown)| is_of_group(row) && shown.contains(&found.what)).map(|(r, s)| (*r, s)).collect();
+        let is_told_from = |surer: &FleetFinding| {
+            let either = |e: &RowEffect| [&surer.what, &found.what].iter().all(|what| e.ids().any(|id| id == *what));
+            let alike = showing.iter().filter(|(row, _)| row.effects.iter().any(either)).count();
+            2 * alike < showing.len() || showing.iter().any(|(_, shown)| !shown.contains(&surer.what))
+        };
+        let same = kept.iter_mut().find(|k| (&k.column, &k.group) == (&found.column, &found.group) && !is_told_from(k));
+        match same {
+            Some(surer) => surer.or.extend(std::iter::once(found.what).chain(found.or)),
+            None => kept.push(found),
+        }
+    }
+    kept
 }
 
 /// The rows of each value of a column.
@@ -318,6 +346,40 @@ mod tests {
             row.effects.iter_mut().for_each(|e| e.claim = Some("lacks".into()));
         }
         assert_eq!(found(&rows).iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
+    }
+
+    #[test]
+    fn two_names_that_the_same_valves_cannot_be_told_to_have_are_one_finding() {
+        let mut rows = fleet(true);
+        for (n, effect) in rows.iter_mut().flat_map(|r| &mut r.effects).filter(|e| e.id == "leakage").enumerate() {
+            effect.indistinguishable = (n % 3 > 0).then(|| "reference_shift".into()).into_iter().collect();
+        }
+        let told = found(&rows);
+        assert_eq!(told.iter().map(FleetFinding::name).collect::<Vec<_>>(), ["lot L07: leakage"]);
+        assert_eq!(told[0].or, ["reference_shift"]);
+        // Where most of those valves have both for sure, both are found.
+        for effect in rows.iter_mut().flat_map(|r| &mut r.effects) {
+            effect.indistinguishable.clear();
+        }
+        for row in rows.iter_mut().filter(|r| r.effects.iter().any(|e| e.id == "leakage")).skip(1) {
+            row.effects.push(RowEffect { id: "reference_shift".into(), ..RowEffect::default() });
+        }
+        assert_eq!(found(&rows).len(), 2);
+    }
+
+    #[test]
+    fn the_onset_of_a_finding_rests_on_all_valves_that_name_it() {
+        let mut rows = fleet(true);
+        for (k, row) in rows.iter_mut().enumerate() {
+            row.effects.iter_mut().for_each(|e| e.claim = Some("lacks".into()));
+            let km = number(&row.tags["mileage"]).unwrap();
+            // Below 80,000 km its error is like that of the others.
+            let is_large = k % 20 == 7 && km > 80_000.0;
+            row.rmse_bar.insert("base".into(), if is_large { 0.9 } else { 0.1 + 0.01 * (k % 5) as f64 });
+        }
+        let told = found(&rows);
+        let onset = told[0].onset.as_ref().unwrap();
+        assert_eq!((onset.before.0, onset.after), (0, (6, 6)), "{onset:?}");
     }
 
     #[test]

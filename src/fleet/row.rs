@@ -121,6 +121,11 @@ impl RowEffect {
     pub fn is_lack(&self) -> bool {
         self.claim.as_deref() == Some("lacks")
     }
+
+    /// It, and what the recording cannot tell it from.
+    pub fn ids(&self) -> impl Iterator<Item = &String> {
+        std::iter::once(&self.id).chain(&self.indistinguishable)
+    }
 }
 
 fn parameters(object: &Value) -> BTreeMap<String, (f64, Option<f64>, String)> {

@@ -103,16 +103,23 @@ impl Standing {
     /// what counts against the valve, and effects beside a lesser error, since here the group is the evidence; where too few valves
     /// have its model to tell, every effect.
     pub fn shown(&self, row: &Row) -> BTreeSet<String> {
-        let model = row.model_key();
         let is_compared = self.off.get(&row.id).is_none_or(|apart| *apart > COMPARED);
-        let own = row.effects.iter().filter(|e| is_compared && !self.lacking.contains(&(model.to_owned(), e.id.clone())));
-        let named = own.chain(self.causes(row));
-        let mut shown: BTreeSet<String> = named.flat_map(|e| std::iter::once(&e.id).chain(&e.indistinguishable)).cloned().collect();
+        let mut shown: BTreeSet<String> = self.causes(row).flat_map(RowEffect::ids).cloned().collect();
+        if is_compared {
+            shown.extend(self.named(row));
+        }
         if row.is_open() {
             shown.insert("something unknown".to_owned());
             shown.extend(row.remainder.iter().map(|r| format!("{LOOK}{r}")));
         }
         shown
+    }
+
+    /// All that a row names and its model does not lack, with what cannot be told from it, whatever the error.
+    pub fn named(&self, row: &Row) -> BTreeSet<String> {
+        let model = row.model_key();
+        let own = row.effects.iter().filter(|e| !self.lacking.contains(&(model.to_owned(), e.id.clone())));
+        own.flat_map(RowEffect::ids).cloned().collect()
     }
 
     /// Whether something is said to be wrong with the valve of a row.
