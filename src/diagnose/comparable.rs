@@ -99,12 +99,13 @@ pub fn mistake(evidence: &Evidence, valve: &Valve) -> Result<Option<(Mistake, f6
     if rests {
         return found(if unmoved { Mistake::NoExcitation } else { Mistake::PressureRests });
     }
+    let points = points(evidence, valve, plain.shift_s)?;
     // A rising curve of any form: a limit, a fill phase or another characteristic bends the line.
-    if plain.gain > 0.0 && plain.share > FOLLOWS && plain.is_a_valve() && rising(evidence, valve, plain.shift_s)? > PLAINLY {
+    if plain.gain > 0.0 && plain.share > FOLLOWS && plain.is_a_valve() && rising(points.clone()) > PLAINLY {
         return Ok(None);
     }
     // Where its curves do not hold, a model says nothing, and may be off by any factor.
-    if plain.gain > 0.0 && follows_within(evidence, valve, &plain)? {
+    if plain.gain > 0.0 && follows_within(points, valve, &plain) {
         return Ok(None);
     }
     let mut best: Option<(f64, Mistake)> = None;
@@ -323,26 +324,24 @@ fn points(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<Vec<(f64, 
 }
 
 /// Whether the pressure plainly follows the model on a line that a valve can have wherever the model's own curves hold.
-fn follows_within(evidence: &Evidence, valve: &Valve, plain: &Agreement) -> Result<bool, PhysicsError> {
+fn follows_within(mut points: Vec<(f64, f64)>, valve: &Valve, plain: &Agreement) -> bool {
     let (bottom, top) = valve.curves.pressure_range_bar();
-    let mut points = points(evidence, valve, plain.shift_s)?;
     points.retain(|p| (bottom..=top).contains(&p.0));
     if points.len() < BINS {
-        return Ok(false);
+        return false;
     }
     let (g_mean, y_mean) = (mean(points.iter().map(|p| &p.0)), mean(points.iter().map(|p| &p.1)));
     let sum = |of: fn(f64, f64) -> f64| points.iter().map(|p| of(p.0 - g_mean, p.1 - y_mean)).sum::<f64>();
     let (g2, y2, gy) = (sum(|g, _| g * g), sum(|_, y| y * y), sum(|g, y| g * y));
     let (gain, middle) = (gy / g2, 0.5 * (bottom + top));
     let line = Agreement { share: gy * gy / (g2 * y2), gain, zero_bar: y_mean + gain * (middle - g_mean) - middle, ..*plain };
-    Ok(line.share > PLAINLY && line.is_a_valve())
+    line.share > PLAINLY && line.is_a_valve()
 }
 
-/// Share of the variance that any rising curve over the simulation explains, the pressure shifted by `shift_s`.
-fn rising(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<f64, PhysicsError> {
-    let mut points = points(evidence, valve, shift_s)?;
+/// Share of the variance of the pressure that any rising curve over the simulation explains.
+fn rising(mut points: Vec<(f64, f64)>) -> f64 {
     if points.len() < BINS {
-        return Ok(0.0);
+        return 0.0;
     }
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mean = points.iter().map(|p| p.1).sum::<f64>() / points.len() as f64;
@@ -361,5 +360,5 @@ fn rising(evidence: &Evidence, valve: &Valve, shift_s: f64) -> Result<f64, Physi
         }
     }
     let between: f64 = pools.iter().map(|(s, n)| n * (s / n - mean).powi(2)).sum();
-    Ok(between / total.max(1e-300))
+    between / total.max(1e-300)
 }

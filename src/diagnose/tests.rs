@@ -197,7 +197,6 @@ fn what_does_not_belong_together_is_told_with_the_mapping_that_mends_it() {
     }
 }
 
-/// The same valve with other noise, driven the other way round in time.
 #[test]
 fn a_model_of_held_commands_is_compared_with_held_commands() {
     let (time_s, current_a) = drive();

@@ -27,7 +27,7 @@ pub struct FleetFinding {
     pub group: String,
     /// The effect, or the look of an unknown rest.
     pub what: String,
-    /// Effects that no recording of the fleet tells from it.
+    /// Effects that the valves of the group cannot be told to have rather than it.
     pub or: Vec<String>,
     /// How many of the group, and of how many.
     pub inside: (usize, usize),
@@ -75,10 +75,13 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
     let compared = || all.iter().filter(|(what, _)| !what.starts_with(LOOK));
     let comparisons = (groups.iter().map(|g| g.1.len()).sum::<usize>() * compared().count()) as f64;
     // In a group that stands out, the name alone says which of its valves have it: the error of some is no larger than that of others.
-    let named: Vec<BTreeSet<String>> = rows.iter().map(|r| standing.named(r)).collect();
-    let believed = |what: &String, or: &[&String], has: &[bool]| -> Vec<bool> {
-        let is_named = |names: &BTreeSet<String>| names.contains(what) || or.iter().any(|w| names.contains(*w));
-        named.iter().zip(has).map(|(names, has)| *has || is_named(names)).collect()
+    let believed = |what: &String, or: &[&String], has: &[bool], members: &[usize]| -> Vec<bool> {
+        let mut believed = has.to_vec();
+        for m in members {
+            let names = standing.named(rows[*m]);
+            believed[*m] |= names.contains(what) || or.iter().any(|w| names.contains(*w));
+        }
+        believed
     };
     let mut tried: Vec<FleetFinding> = Vec::new();
     for (what, (has, or)) in compared() {
@@ -94,7 +97,7 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
                 inside,
                 outside,
                 p_value: p_value * comparisons,
-                onset: [believed(what, or, has), has.clone()].iter().find_map(|has| onset(&columns, &numbers, has, members)),
+                onset: [believed(what, or, has, members), has.clone()].iter().find_map(|has| onset(&columns, &numbers, has, members)),
             });
             comparison.set_aside(members);
         }
@@ -141,12 +144,12 @@ fn one_each(tried: Vec<FleetFinding>, rows: &[&Row], counted: &[BTreeSet<String>
         let is_of_group = |row: &Row| found.column.as_ref().and_then(|c| row.tags.get(c)) == Some(&found.group);
         let showing: Vec<(&Row, &BTreeSet<String>)> =
             rows.iter().zip(counted).filter(|(row, shown)| is_of_group(row) && shown.contains(&found.what)).map(|(r, s)| (*r, s)).collect();
-        let is_told_from = |surer: &FleetFinding| {
+        let is_same = |surer: &FleetFinding| {
             let either = |e: &RowEffect| [&surer.what, &found.what].iter().all(|what| e.ids().any(|id| id == *what));
             let alike = showing.iter().filter(|(row, _)| row.effects.iter().any(either)).count();
-            2 * alike < showing.len() || showing.iter().any(|(_, shown)| !shown.contains(&surer.what))
+            2 * alike >= showing.len() && showing.iter().all(|(_, shown)| shown.contains(&surer.what))
         };
-        let same = kept.iter_mut().find(|k| (&k.column, &k.group) == (&found.column, &found.group) && !is_told_from(k));
+        let same = kept.iter_mut().find(|k| (&k.column, &k.group) == (&found.column, &found.group) && is_same(k));
         match same {
             Some(surer) => surer.or.extend(std::iter::once(found.what).chain(found.or)),
             None => kept.push(found),

@@ -37,7 +37,7 @@ pub const LOOK: &str = "unknown, ";
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Standing {
     /// Effects and corrections of form that a model lacks, by the model's digest.
-    lacking: BTreeSet<(String, String)>,
+    lacking: BTreeMap<String, BTreeSet<String>>,
     /// By how many standard deviations the error as given of a valve stands apart from that of the other valves of the model, by the
     /// row's id; of models of too few valves nothing.
     off: BTreeMap<String, f64>,
@@ -59,7 +59,7 @@ impl Standing {
             let mut shown: BTreeMap<String, usize> = BTreeMap::new();
             rows.iter().flat_map(|r| lacks(r)).for_each(|id| *shown.entry(id).or_default() += 1);
             let most = shown.into_iter().filter(|(_, hits)| Rate::new(*hits, rows.len()).high >= MOST);
-            standing.lacking.extend(most.map(|(id, _)| (model.clone(), id)));
+            standing.lacking.insert(model.clone(), most.map(|(id, _)| id).collect());
             standing.set_apart(&model, &rows);
         }
         standing
@@ -72,7 +72,7 @@ impl Standing {
         let off = apart(&rows.iter().map(ln_error).collect::<Vec<f64>>(), LEAST_RATIO.ln());
         self.off.extend(rows.iter().zip(&off).map(|(row, apart)| (row.id.clone(), *apart)));
         for (row, _) in rows.iter().zip(off).filter(|(_, apart)| *apart > OFF) {
-            let own = row.form.iter().filter(|id| !self.lacking.contains(&(model.to_owned(), (*id).clone()))).map(|id| changed(id));
+            let own: Vec<RowEffect> = row.form.iter().filter(|id| !self.is_lacking(model, id)).map(|id| changed(id)).collect();
             self.apart.entry(row.id.clone()).or_default().extend(own);
         }
         let Some(shift_id) = EFFECTS.iter().find(|e| e.is_shift_of_calibration()).map(|e| e.id()) else { return };
@@ -91,11 +91,16 @@ impl Standing {
         }
     }
 
+    /// Whether a model lacks an effect or a correction of form for the valves that it stands for.
+    fn is_lacking(&self, model: &str, id: &str) -> bool {
+        self.lacking.get(model).is_some_and(|ids| ids.contains(id))
+    }
+
     /// The effects that count against the valve of a row.
     pub fn causes<'r>(&'r self, row: &'r Row) -> impl Iterator<Item = &'r RowEffect> {
         let model = row.model_key();
         let is_off = self.off.get(&row.id).is_some_and(|apart| *apart > OFF);
-        let own = row.effects.iter().filter(move |e| !e.is_lack() || is_off && !self.lacking.contains(&(model.to_owned(), e.id.clone())));
+        let own = row.effects.iter().filter(move |e| !e.is_lack() || is_off && !self.is_lacking(model, &e.id));
         own.chain(self.apart.get(&row.id).into_iter().flatten())
     }
 
@@ -118,7 +123,7 @@ impl Standing {
     /// All that a row names and its model does not lack, with what cannot be told from it, whatever the error.
     pub fn named(&self, row: &Row) -> BTreeSet<String> {
         let model = row.model_key();
-        let own = row.effects.iter().filter(|e| !self.lacking.contains(&(model.to_owned(), e.id.clone())));
+        let own = row.effects.iter().filter(|e| !self.is_lacking(model, &e.id));
         own.flat_map(RowEffect::ids).cloned().collect()
     }
 

@@ -9,6 +9,7 @@ use crate::physics::{effect, simulate, specification};
 use crate::recording::Run;
 use crate::valve::{Identification, Input};
 
+/// The same valve with other noise, driven the other way round in time.
 fn another_drive(of: &Valve) -> Recording {
     let (time_s, mut current_a) = drive();
     current_a.reverse();
