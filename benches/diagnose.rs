@@ -48,6 +48,9 @@ mod prior;
 #[path = "../src/diagnose/screen.rs"]
 #[allow(dead_code)]
 mod screen;
+#[path = "../src/diagnose/trust.rs"]
+#[allow(dead_code, unused_imports)]
+mod trust;
 
 #[path = "diagnose/plain_fit.rs"]
 mod plain_fit;

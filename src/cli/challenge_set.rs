@@ -66,7 +66,12 @@ fn files(folder: &Path, session: &Session) -> Result<(), String> {
 
 /// What a model identified from the healthy twin's sweep leaves of its drives [bar]. The folder is scratch.
 fn floors(folder: &Path, twin: &Session) -> Result<[f64; 2], String> {
-    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+    // What a run that was stopped has left is made anew.
+    if folder.exists() {
+        std::fs::remove_dir_all(folder).map_err(failed)?;
+    }
+    std::fs::create_dir_all(folder).map_err(failed)?;
     files(folder, twin)?;
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let call = |args: &[&str]| {
@@ -76,13 +81,14 @@ fn floors(folder: &Path, twin: &Session) -> Result<[f64; 2], String> {
     call(&["identify", "sweep.csv", "-o", "model.toml"])?;
     let mut floors = [0.0; 2];
     for (floor, (name, run)) in floors.iter_mut().zip([("record.csv", &twin.record), ("holdout.csv", &twin.holdout)]) {
-        call(&["simulate", name, "--model", "model.toml", "-o", "out.csv"])?;
-        let out = Recording::read(&folder.join("out.csv"), &[]).map_err(|e| e.to_string())?;
+        let out = format!("simulated-{name}");
+        call(&["simulate", name, "--model", "model.toml", "-o", &out])?;
+        let out = Recording::read(&folder.join(&out), &[]).map_err(|e| e.to_string())?;
         let simulated = out.runs.into_iter().next().and_then(|r| r.pressure_bar).unwrap_or_default();
         let measured = run.pressure_bar.as_deref().unwrap_or_default();
         *floor = (simulated.iter().zip(measured).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / measured.len() as f64).sqrt();
     }
-    std::fs::remove_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    std::fs::remove_dir_all(folder).map_err(failed)?;
     Ok(floors)
 }
 

@@ -29,7 +29,7 @@ impl Findings<'_, '_> {
     /// claims to be right, and only the noise excuses it.
     pub fn accuracy_bar(&self, named: bool) -> f64 {
         let (criteria, noise) = (&self.fitter.criteria, self.noise_bar());
-        if let Some(good) = self.good {
+        if let Some(good) = self.good.filter(|good| !good.is_denied()) {
             let most = if named { criteria.structure_named } else { criteria.structure_known };
             return ((most * noise.hypot(good.form_error_bar())).powi(2) - noise * noise).max(0.0).sqrt().max(good.form_error_bar());
         }
@@ -51,7 +51,7 @@ impl Findings<'_, '_> {
     /// if the model with it follows the record down to the noise: a sweep shows next to nothing of it, and the model is off all the same.
     pub fn sorted(&self, findings: Vec<(f64, Finding)>) -> (Vec<Finding>, Vec<Finding>) {
         let (fitter, chosen) = (self.fitter, &self.search.chosen);
-        let follows = chosen.rmse_bar <= fitter.criteria.structure_named * fitter.evidence.noise_bar;
+        let follows = fitter.plain_rmse_bar(chosen) <= fitter.criteria.structure_named * fitter.evidence.noise_bar;
         findings.into_iter().map(|f| f.1).partition(|f| {
             let of = |is: fn(&dyn Effect) -> bool| effect(&f.id).is_some_and(is);
             match self.good {
@@ -75,7 +75,11 @@ impl Findings<'_, '_> {
     /// movements of which data of the good valve shows none: what that valve would do there, nobody knows.
     fn shows_where_unseen(&self, good: &Good, without: &Fit<'_>, of_form: bool) -> bool {
         let fitter = self.fitter;
-        let residual = |fit: &Fit<'_>| self.residual(&self.simulated(fit));
+        let residual = |fit: &Fit<'_>| {
+            let mut residual = Vec::new();
+            fitter.residual(&mut Simulator::new(fitter.evidence), &fit.model, &fit.theta, &mut residual);
+            residual
+        };
         let gains = residual(without).into_iter().zip(residual(&self.search.chosen)).map(|(a, b)| a * a - b * b);
         let (mut unseen, mut all) = (0.0, 0.0);
         let faster = seen::faster(&good.evidence, fitter.evidence, &fitter.criteria);

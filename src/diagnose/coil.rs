@@ -76,7 +76,8 @@ pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) 
     let base = Model::base(valve).ok()?.on(&evidence);
     let base = if evidence.is_slow() { base.of_process(evidence.step_s()) } else { base };
     let unsettled = start::unsettled(&mut evidence, &base);
-    let (fit, _) = recalibrated(&Fitter::without(&evidence, &unsettled), base);
+    let by_measured = Fitter::without(&evidence, &unsettled).trusting(fitter.trust.clone());
+    let (fit, _) = recalibrated(&by_measured, base);
     // A channel with which the model fits worse is not the current of this coil, or not in this unit.
     if fit.rmse_bar > fitter.criteria.recalibrates * null.rmse_bar {
         return None;
@@ -90,7 +91,8 @@ pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) 
     } else {
         Side::Both
     };
-    Some(CoilCurrent { missing, rmse_command_bar: null.rmse_bar, rmse_measured_bar: fit.rmse_bar })
+    let (rmse_command_bar, rmse_measured_bar) = (fitter.plain_rmse_bar(null), by_measured.plain_rmse_bar(&fit));
+    Some(CoilCurrent { missing, rmse_command_bar, rmse_measured_bar })
 }
 
 /// The recording with the measured current in place of the command, its noise followed by a play: to the hysteresis of a valve

@@ -102,7 +102,9 @@ impl<'a> Findings<'_, 'a> {
         let standardised = self.standardised(&residual);
         let block = blocks(fitter);
         let allowed_bar = (self.noise_bar(), self.accuracy_bar(!effects.is_empty()));
-        let unexplained = remainder(evidence, &standardised, &augmented_bar, &block, allowed_bar);
+        let mut weighed = standardised.clone();
+        fitter.weigh(&mut weighed);
+        let unexplained = remainder(evidence, (&standardised, &weighed), &augmented_bar, &block, allowed_bar);
         let verdict = match (effects.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Match,
             (true, true) => Verdict::Unexplained,
@@ -245,6 +247,7 @@ impl<'a> Findings<'_, 'a> {
         let errors = fitter.standard_errors(chosen);
         let effective = fitter.effective();
         let good = self.good_of_another_state();
+        let plain_bar = fitter.plain_rmse_bar(chosen);
         (0..chosen.model.effects.len())
             .into_par_iter()
             .map(|k| {
@@ -264,8 +267,8 @@ impl<'a> Findings<'_, 'a> {
                     })
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
-                let claim = self.claim(k, good, without, interval);
-                let evidence = super::words::evidence(effect, without.rmse_bar, chosen.rmse_bar, importance, p_value);
+                let claim = self.claim(k, if effect.is_apart_from_form() { self.good } else { good }, without, interval);
+                let evidence = super::words::evidence(effect, fitter.plain_rmse_bar(without), plain_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (
                     importance,

@@ -188,7 +188,7 @@ impl Fitter<'_> {
             }
             let width = free.distance(here, ahead);
             theta[*k] = ahead;
-            simulator.residual(&at.model, &theta, &self.measured, column);
+            self.residual(simulator, &at.model, &theta, column);
             theta[*k] = here;
             if width == 0.0 {
                 column.fill(0.0);
@@ -206,7 +206,7 @@ impl Fitter<'_> {
     /// The derivative of base parameter `k` without a simulation, as it is where nothing after the curves is dynamic: of
     /// the gain and the offset, and of the delay. Nothing for the others.
     fn slope_at_rest(&self, k: usize, at: &Fit<'_>, residual: &[f64], column: &mut Vec<f64>) -> bool {
-        let pressure = || self.measured.iter().zip(residual).map(|(y, e)| y - e);
+        let pressure = || self.measured.iter().zip(residual).enumerate().map(|(k, (y, e))| y - e / self.weight(k));
         let known = |slope: f64| if slope.is_finite() { slope } else { 0.0 };
         column.clear();
         match k {
@@ -219,6 +219,7 @@ impl Fitter<'_> {
             }
             _ => return false,
         }
+        self.weigh(column);
         true
     }
 

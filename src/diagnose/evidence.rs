@@ -118,6 +118,22 @@ impl Evidence {
         placed.reduce(|best, next| if next.0.len() > best.0.len() { next } else { best }).expect("a course holds at least one run")
     }
 
+    /// What stands for each sample of all runs, parted into those runs that have the step of the longest; each with its time on the
+    /// clock of the recording [s].
+    pub fn parts<'v>(&self, values: &'v [f64]) -> Vec<(f64, &'v [f64])> {
+        let step_s = self.step_s();
+        let mut rest = values;
+        let mut parts = Vec::with_capacity(self.grids.len());
+        for grid in &self.grids {
+            let (own, others) = rest.split_at(grid.len());
+            if (grid.dt_s - step_s).abs() < 1e-9 {
+                parts.push((grid.elapsed_s, own));
+            }
+            rest = others;
+        }
+        parts
+    }
+
     /// How it is sampled, all runs together.
     pub fn sampling(&self) -> Sampling {
         let ends = self.grids.iter().map(|g| (g.elapsed_s, g.elapsed_s + g.len() as f64 * g.dt_s));
@@ -128,6 +144,12 @@ impl Evidence {
     /// Samples in all, used or not.
     pub fn samples(&self) -> usize {
         self.grids.iter().map(|g| g.current_a.len()).sum()
+    }
+
+    /// Share of the readings that are the same as the one before.
+    pub fn repeats(&self) -> f64 {
+        let pairs = || self.grids.iter().flat_map(|g| g.pressure_bar.windows(2)).filter(|w| w[0].is_finite() && w[1].is_finite());
+        pairs().filter(|w| w[0] == w[1]).count() as f64 / pairs().count().max(1) as f64
     }
 
     /// The measured pressures of all runs, one after the other.

@@ -76,7 +76,7 @@ pub fn note(all: &Evidence, short: &Evidence) -> Option<String> {
 /// How far off a fit is at each sample; zero where nothing is measured [bar].
 fn distances(fitter: &Fitter<'_>, fit: &Fit<'_>) -> Vec<f64> {
     let mut residual = Vec::new();
-    Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
+    fitter.residual(&mut Simulator::new(fitter.evidence), &fit.model, &fit.theta, &mut residual);
     residual.iter().map(|r| if r.is_finite() { r.abs() } else { 0.0 }).collect()
 }
 

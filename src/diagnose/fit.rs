@@ -5,6 +5,7 @@ use super::criteria::Criteria;
 use super::evidence::Evidence;
 use super::loss;
 use super::model::{Free, Model, Simulator};
+use super::trust::Trust;
 
 /// A recording of some hundred samples, for instance of a few steps, still counts as this many.
 const FEWEST_EFFECTIVE: f64 = 300.0;
@@ -22,9 +23,9 @@ pub struct Fit<'a> {
     pub mean_nats: f64,
     /// What the calibration says against the base parameters [nats].
     pub prior_nats: f64,
-    /// Scale of the residual [bar].
+    /// Scale of the residual, each reading as much as it weighs [bar].
     pub scale_bar: f64,
-    /// Root of the mean square of the residual [bar].
+    /// Root of the mean square of the residual, each reading as much as it weighs [bar].
     pub rmse_bar: f64,
 }
 
@@ -93,6 +94,10 @@ pub struct Fitter<'e> {
     pub against_good: bool,
     /// Effects found before by stretches of the recording that no simulation can follow.
     pub found: Vec<&'static str>,
+    /// Where the model is to be trusted less, as data of the good valve has it.
+    pub trust: Option<Trust>,
+    /// What each reading weighs; empty where all weigh the same.
+    pub weights: Vec<f64>,
 }
 
 impl<'e> Fitter<'e> {
@@ -107,6 +112,8 @@ impl<'e> Fitter<'e> {
             criteria: Criteria::default(),
             against_good: false,
             found: Vec::new(),
+            trust: None,
+            weights: Vec::new(),
         }
     }
 
@@ -123,6 +130,38 @@ impl<'e> Fitter<'e> {
     pub fn looking_at<'s>(&self, part: &'s Evidence) -> Fitter<'s> {
         let Self { tau_samples, squared, floor_bar, criteria, against_good, .. } = *self;
         Fitter { tau_samples, squared, floor_bar, criteria, against_good, found: self.found.clone(), ..Fitter::new(part) }
+            .trusting(self.trust.clone())
+    }
+
+    /// The same with other readings, or with some of them masked.
+    pub fn seeing(&self, measured: Vec<f64>) -> Self {
+        let Self { tau_samples, squared, .. } = *self;
+        Self { measured, tau_samples, squared, trust: self.trust.clone(), weights: self.weights.clone(), ..Fitter::new(self.evidence) }
+    }
+
+    /// From now on readings weigh as the model is to be trusted there.
+    pub fn trusting(mut self, trust: Option<Trust>) -> Self {
+        self.weights = trust.as_ref().map(|trust| trust.weights(self.evidence)).unwrap_or_default();
+        self.trust = trust;
+        self
+    }
+
+    /// Measured minus simulated, each as much as it weighs; NaN where masked [bar].
+    pub fn residual(&self, simulator: &mut Simulator<'_>, model: &Model<'_>, theta: &[f64], out: &mut Vec<f64>) {
+        simulator.residual(model, theta, &self.measured, out);
+        self.weigh(out);
+    }
+
+    /// Takes each value of a pressure for as much as a reading there weighs.
+    pub fn weigh(&self, values: &mut [f64]) {
+        for (value, weight) in values.iter_mut().zip(&self.weights) {
+            *value *= weight;
+        }
+    }
+
+    /// What a reading weighs.
+    pub fn weight(&self, k: usize) -> f64 {
+        self.weights.get(k).copied().unwrap_or(1.0)
     }
 
     /// A fit of other evidence as it stands on this one.
@@ -154,7 +193,7 @@ impl<'e> Fitter<'e> {
         guess_bar: f64,
         residual: &mut Vec<f64>,
     ) -> Fit<'a> {
-        simulator.residual(model, theta, &self.measured, residual);
+        self.residual(simulator, model, theta, residual);
         let scale_bar = loss::scale(residual, 0.7 * self.evidence.noise_bar, guess_bar);
         let prior_nats = model.free().iter().zip(theta).filter_map(|(f, v)| f.prior.map(|p| p.nats(*v))).sum();
         let (sum, n) = residual.iter().filter(|e| e.is_finite()).fold((0.0, 0usize), |(s, n), e| (s + e * e, n + 1));

@@ -16,6 +16,7 @@ use super::heldout::rms;
 use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
 use super::search::{recalibrated, search_in};
+use super::trust::Trust;
 use super::{comparable, start};
 use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Scatter};
@@ -47,8 +48,11 @@ pub struct Good {
     tau_samples: f64,
     /// RMSE of the model as given and of the corrected one [bar].
     pub rmse_bar: (f64, f64),
-    /// RMSE of the corrected one on the run that it fits worst: a slow sweep says little of how far it is off on a drive [bar].
+    /// RMSE of the corrected one on the run that it fits worst, each reading as much as it weighs: a slow sweep says little of how far
+    /// it is off on a drive [bar].
     worst_bar: f64,
+    /// Where it is to be trusted less than at rest.
+    pub trust: Option<Trust>,
 }
 
 /// An effect that the good valve has and its model lacks.
@@ -155,6 +159,9 @@ impl Good {
         let as_given = fitter.score(&mut Simulator::new(&evidence), &base, &given, &mut Vec::new()).rmse_bar;
         let corrected = chosen.model.valve_file(&chosen.theta);
         let rmse_bar = (as_given, chosen.rmse_bar);
+        let trust = if slow { None } else { trusted(&fitter, &chosen) };
+        let fitter = fitter.trusting(trust.clone());
+        let chosen = fitter.as_it_stands(&chosen);
         let worst_bar = worst(&fitter, &chosen).max(chosen.rmse_bar);
         let theta = chosen.theta.clone();
         let tau_samples = looking.as_ref().map_or(fitter.tau_samples, |l| l.tau_samples);
@@ -178,6 +185,7 @@ impl Good {
             tau_samples,
             rmse_bar,
             worst_bar,
+            trust,
             evidence,
         })
     }
@@ -188,9 +196,17 @@ impl Good {
     }
 
     /// Whether it is nothing but the recording that the model was identified from, and the model does not follow even that: a poor fit
-    /// at the identification is a reason for a diagnosis, not an excuse for what is off elsewhere.
+    /// at the identification is a reason for a diagnosis, not an excuse for what is off elsewhere. What differs from it has changed all
+    /// the same.
     pub fn is_denied(&self) -> bool {
         self.is_identification && self.worst_bar > Criteria::default().structure * self.evidence.noise_bar
+    }
+
+    /// The noise of a record of the same sensor [bar]: readings that stand still tell nothing of it, and that of the good valve's data
+    /// counts.
+    pub fn noise_of_bar(&self, record: &Evidence) -> f64 {
+        let stand_still = record.repeats() > REPEATS && self.evidence.repeats() < REPEATS;
+        if stand_still { record.noise_bar.max(self.evidence.noise_bar) } else { record.noise_bar }
     }
 
     /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.
@@ -212,10 +228,11 @@ impl Good {
 
     /// That data as a search looks at it.
     fn fitter(&self) -> Fitter<'_> {
-        match &self.short {
+        let fitter = match &self.short {
             Some(short) => Fitter { tau_samples: self.tau_samples, ..Fitter::new(short) },
             None => Fitter { measured: self.measured.clone(), tau_samples: self.tau_samples, ..Fitter::new(&self.evidence) },
-        }
+        };
+        fitter.trusting(self.trust.clone())
     }
 
     /// How much that data speaks against an effect of the values `theta`, with which the record is explained [nats]; the base
@@ -248,10 +265,17 @@ impl Good {
     }
 }
 
+/// Where the fit of the good valve's data is to be trusted less than at rest.
+fn trusted(fitter: &Fitter<'_>, fit: &Fit<'_>) -> Option<Trust> {
+    let mut residual = Vec::new();
+    fitter.residual(&mut Simulator::new(fitter.evidence), &fit.model, &fit.theta, &mut residual);
+    Trust::of(fit.model.valve, fitter.evidence, &residual)
+}
+
 /// RMSE of a fit on the run that it fits worst [bar].
 fn worst(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     let mut residual = Vec::new();
-    Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
+    fitter.residual(&mut Simulator::new(fitter.evidence), &fit.model, &fit.theta, &mut residual);
     let mut begin = 0;
     let runs = fitter.evidence.grids.iter().map(|run| {
         begin += run.len();
@@ -260,6 +284,8 @@ fn worst(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     runs.fold(0.0, f64::max)
 }
 
+/// From this share of readings that are the same as the one before on, a recording shows less noise than its sensor has.
+const REPEATS: f64 = 0.1;
 /// Values that are tried between what the record wants and what data of the good valve wants: shares of the way.
 const BETWEEN: [f64; 3] = [0.3, 0.6, 1.0];
 

@@ -26,18 +26,30 @@ pub struct HeldOut {
     pub residual: Vec<f64>,
     /// Block number of each sample.
     pub block: Vec<usize>,
+    /// The same residual, each reading as much as it weighs [bar].
+    weighed: Vec<f64>,
 }
 
 impl HeldOut {
+    /// Of a residual whose readings all weigh the same.
+    pub fn plain(residual: Vec<f64>, block: Vec<usize>) -> Self {
+        Self { weighed: residual.clone(), residual, block }
+    }
+
     /// RMSE over all held-out stretches [bar].
     pub fn rmse_bar(&self) -> f64 {
         rms(&self.residual)
     }
 
+    /// The same, each reading as much as it weighs [bar].
+    pub fn weighed_bar(&self) -> f64 {
+        rms(&self.weighed)
+    }
+
     /// Squared error of each block, and its number of samples.
     fn blocks(&self) -> Vec<(f64, usize)> {
         let mut sums = vec![(0.0, 0usize); self.block.last().map_or(0, |b| b + 1)];
-        for (e, b) in self.residual.iter().zip(&self.block) {
+        for (e, b) in self.weighed.iter().zip(&self.block) {
             if e.is_finite() {
                 sums[*b].0 += e * e;
                 sums[*b].1 += 1;
@@ -49,7 +61,7 @@ impl HeldOut {
     /// How much worse `without` is than this: difference of the RMSE, its 95 % interval over blocks, and the chance
     /// of such a difference by flips of sign.
     pub fn gain_over(&self, without: &Self) -> (f64, Option<(f64, f64)>, f64) {
-        let gain = without.rmse_bar() - self.rmse_bar();
+        let gain = without.weighed_bar() - self.weighed_bar();
         let pairs: Vec<(f64, f64, usize)> =
             self.blocks().iter().zip(without.blocks()).map(|(a, b)| (a.0, b.0, a.1)).filter(|p| p.2 > 0).collect();
         if pairs.len() < 4 {
@@ -75,6 +87,15 @@ impl HeldOut {
             .collect();
         gains.sort_by(f64::total_cmp);
         (gain, Some((gains[10], gains[389])), p_value)
+    }
+}
+
+impl Fitter<'_> {
+    /// Root of the mean square of what a fit leaves, all readings alike [bar].
+    pub fn plain_rmse_bar(&self, fit: &Fit<'_>) -> f64 {
+        let mut residual = Vec::new();
+        Simulator::new(self.evidence).residual(&fit.model, &fit.theta, &self.measured, &mut residual);
+        rms(&residual)
     }
 }
 
@@ -122,14 +143,14 @@ pub fn carried_forward(fitter: &Fitter<'_>, with: &Fit<'_>, without: &Fit<'_>) -
     let ends = [0..cut, n - cut..n];
     let squares = |fit: &Fit<'_>, theta: &[f64], end: &std::ops::Range<usize>| {
         let mut residual = Vec::new();
-        Simulator::new(fitter.evidence).residual(&fit.model, theta, &fitter.measured, &mut residual);
+        fitter.residual(&mut Simulator::new(fitter.evidence), &fit.model, theta, &mut residual);
         residual[end.clone()].iter().filter(|e| e.is_finite()).map(|e| e * e).sum::<f64>()
     };
     let (mut claimed, mut gained) = (0.0, 0.0);
     for end in ends {
         let mut measured = fitter.measured.clone();
         measured[end.clone()].fill(f64::NAN);
-        let seen = Fitter { measured, tau_samples: fitter.tau_samples, squared: fitter.squared, ..Fitter::new(fitter.evidence) };
+        let seen = fitter.seeing(measured);
         let beyond = |fit: &Fit<'_>| squares(fit, &seen.polish(&fit.model, &fit.theta, BEYOND_STEPS).theta, &end);
         let (less, more) = rayon::join(|| beyond(without), || beyond(with));
         claimed += less - squares(with, &with.theta, &end);
@@ -147,7 +168,7 @@ pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
     for half in 0..2 {
         let seen = |((y, b), near): ((&f64, &usize), &bool)| if b % 2 == half || *near { f64::NAN } else { *y };
         let measured = fitter.measured.iter().zip(&block).zip(&near).map(seen).collect();
-        let other = Fitter { measured, tau_samples: fitter.tau_samples, squared: fitter.squared, ..Fitter::new(fitter.evidence) };
+        let other = fitter.seeing(measured);
         let theta = if steps == 0 { fit.theta.clone() } else { other.polish(&fit.model, &fit.theta, steps).theta };
         Simulator::new(fitter.evidence).pressure(&fit.model, &theta, &mut predicted);
         for (k, b) in block.iter().enumerate() {
@@ -156,7 +177,9 @@ pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
             }
         }
     }
-    HeldOut { residual, block }
+    let mut weighed = residual.clone();
+    fitter.weigh(&mut weighed);
+    HeldOut { residual, block, weighed }
 }
 
 #[cfg(test)]
@@ -164,7 +187,7 @@ mod tests {
     use super::*;
 
     fn held(residual: impl Fn(usize) -> f64) -> HeldOut {
-        HeldOut { residual: (0..2400).map(residual).collect(), block: (0..2400).map(|k| k / 100).collect() }
+        HeldOut::plain((0..2400).map(residual).collect(), (0..2400).map(|k| k / 100).collect())
     }
 
     /// Noise that repeats nowhere.

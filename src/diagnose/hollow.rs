@@ -19,7 +19,7 @@ pub fn drop_hollow(fitter: &Fitter<'_>, search: &mut Search<'_>, of_form: bool) 
     if explains(fitter, &search.null, &search.chosen) {
         return Vec::new();
     }
-    let held = |fit: &Fit<'_>| held_out(fitter, fit, HELD_STEPS).rmse_bar();
+    let held = |fit: &Fit<'_>| held_out(fitter, fit, HELD_STEPS).weighed_bar();
     let enough = HALF * held(&search.null);
     let mut dropped = Vec::new();
     let mut fit = search.chosen.clone();
@@ -49,6 +49,7 @@ pub fn drop_hollow_scatter(fitter: &Fitter<'_>, search: &Search<'_>, scattered: 
     let squares = |fit: &Fit<'_>, measured: &[f64]| {
         let mut residual = Vec::new();
         Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, measured, &mut residual);
+        fitter.weigh(&mut residual);
         let finite = residual.iter().filter(|e| e.is_finite());
         finite.map(|e| e * e - fitter.floor_bar.powi(2)).sum::<f64>()
     };

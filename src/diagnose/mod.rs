@@ -43,6 +43,7 @@ mod simulated;
 mod start;
 mod stimuli;
 mod story;
+mod trust;
 mod watch;
 mod weigh;
 mod words;
@@ -126,12 +127,15 @@ fn on_evidence(
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
     let speaking = seen::speaking(&evidence, good, &Criteria::default());
-    let mut good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
-    if let Some(denied) = good.take_if(|good| good.is_denied()) {
+    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
+    if let Some(denied) = good.as_ref().filter(|good| good.is_denied()) {
         evidence.notes.push(format!(
             "the model, also with what could be mended, is off by {} RMSE on the one recording that it was identified from: that recording does not vouch for it",
             figure(denied.rmse_bar.1, "bar")
         ));
+    }
+    if let Some(good) = &good {
+        evidence.noise_bar = good.noise_of_bar(&evidence);
     }
     if let Some((base, good)) = evidence.base.as_mut().zip(good.as_ref().and_then(|g| g.evidence.base.as_ref())) {
         base.read_as(good.read());
@@ -153,6 +157,7 @@ fn on_evidence(
     if let Some(good) = &good {
         fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());
         fitter.against_good = true;
+        fitter = fitter.trusting(good.trust.clone());
     }
     // Readings that measure nothing go first, so that they hide nothing else.
     let (null, base) = search::recalibrated(&fitter, base);

@@ -40,7 +40,7 @@ pub fn of_form(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
 /// Nats of each block, on effective samples: the mean of the two likelihoods of [`Fit::bic`].
 fn by_block(fitter: &Fitter<'_>, fit: &Fit<'_>, block: &[usize]) -> Vec<f64> {
     let mut residual = Vec::new();
-    Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
+    fitter.residual(&mut Simulator::new(fitter.evidence), &fit.model, &fit.theta, &mut residual);
     let per_sample = noise_part(fitter) * fitter.effective() / fitter.used().max(1) as f64;
     let (scale2, rmse2) = (fit.scale_bar.powi(2), fit.rmse_bar.powi(2));
     let mut sums = vec![0.0; block.last().map_or(0, |b| b + 1)];

@@ -24,16 +24,16 @@ struct Dependence {
 }
 
 /// The remainder of a residual, or `None` where its RMS beyond the noise is below what is allowed; `(noise_bar, accuracy_bar)`: the
-/// noise, and what may be left beyond it [bar].
+/// noise, and what may be left beyond it [bar]; `weighed`: the residual, each reading as much as it weighs, by which that is decided.
 pub fn remainder(
     evidence: &Evidence,
-    residual: &[f64],
+    (residual, weighed): (&[f64], &[f64]),
     simulated_bar: &[f64],
     block: &[usize],
     (noise_bar, accuracy_bar): (f64, f64),
 ) -> Option<Remainder> {
-    let beyond = (rms(residual).powi(2) - noise_bar.powi(2)).max(0.0).sqrt();
-    if beyond <= accuracy_bar {
+    let beyond = |residual: &[f64]| (rms(residual).powi(2) - noise_bar.powi(2)).max(0.0).sqrt();
+    if beyond(weighed) <= accuracy_bar {
         return None;
     }
     let mut random = rand_pcg::Pcg64::seed_from_u64(0x7265_6d61);
@@ -53,7 +53,7 @@ pub fn remainder(
     let depends_on = found.iter().filter(|d| d.p_value <= 0.01 && d.share > 0.02).map(|d| (d.name.to_string(), d.share)).take(3).collect();
     let gain = found.iter().filter(|d| d.p_value <= 0.01).map(|d| d.gain_bar).fold(0.0, f64::max);
     Some(Remainder {
-        rms_bar: beyond,
+        rms_bar: beyond(residual),
         depends_on,
         table_heldout_gain_bar: gain,
         windows: locate(evidence, residual, simulated_bar).windows,

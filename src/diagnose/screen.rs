@@ -106,7 +106,7 @@ impl Fitter<'_> {
             simulator.pressure(model, &[incumbent.theta.as_slice(), start].concat(), &mut with);
             let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
             let mut before = with.first().copied().unwrap_or_default();
-            for ((y, p), q) in self.measured.iter().zip(&given).zip(&with) {
+            for (k, ((y, p), q)) in self.measured.iter().zip(&given).zip(&with).enumerate() {
                 let later = before - q;
                 before = *q;
                 if !y.is_finite() || !later.is_finite() {
@@ -115,7 +115,9 @@ impl Fitter<'_> {
                 // Without an amplitude it is there as it stands.
                 let (stands, own) = if amplitude.is_some() { (p, q - p) } else { (q, 0.0) };
                 let row = Vector4::new(own, 1.0, *p, later);
-                let weight = if self.squared { 1.0 } else { loss::weight(y - p, incumbent.scale_bar) };
+                let trusted = self.weight(k);
+                let tail = if self.squared { 1.0 } else { loss::weight(trusted * (y - p), incumbent.scale_bar) };
+                let weight = trusted * trusted * tail;
                 normal += weight * row * row.transpose();
                 right += weight * (y - stands) * row;
             }

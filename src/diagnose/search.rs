@@ -313,7 +313,8 @@ pub fn screened<'a>(
     (residual, pressure): (&[f64], &[f64]),
     before: Option<&Round<'a>>,
 ) -> Vec<Fit<'a>> {
-    let hint = hint(fitter, residual, pressure, incumbent);
+    let parts = fitter.evidence.parts(residual);
+    let hint = hint(fitter, (residual, pressure), &parts, incumbent);
     let model = incumbent.model.with(effect, effect.signature_nats(&hint));
     let mut starts = model.starts(effect);
     starts.extend(effect.propose(&hint));
@@ -327,15 +328,21 @@ fn stuck_nats(fitter: &Fitter<'_>) -> f64 {
 }
 
 /// What an effect may look at to propose where its fit begins.
-fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], incumbent: &Fit<'_>) -> Hint<'h> {
+fn hint<'h>(
+    fitter: &'h Fitter<'_>,
+    (residual, pressure): (&'h [f64], &'h [f64]),
+    parts: &'h [(f64, &'h [f64])],
+    incumbent: &Fit<'_>,
+) -> Hint<'h> {
     let (samples, run) = fitter.evidence.longest();
     Hint {
         start_s: run.elapsed_s,
         dt_s: run.dt_s,
         current_a: &run.current_a,
         delay_s: incumbent.theta[AT.late],
-        // Proposals come from the longest run; the fit then sees all runs.
+        // Most proposals come from the longest run; the fit then sees all runs.
         residual_bar: &residual[samples.clone()],
+        parts,
         pressure_bar: &pressure[samples],
         scale_bar: incumbent.scale_bar,
         recalibrated: (incumbent.theta[AT.gain], incumbent.theta[AT.offset]),
@@ -345,7 +352,7 @@ fn hint<'h>(fitter: &'h Fitter<'_>, residual: &'h [f64], pressure: &'h [f64], in
 /// How many samples of this fit's residual count as one.
 pub fn correlation(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     let mut residual = Vec::new();
-    Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
+    fitter.residual(&mut Simulator::new(fitter.evidence), &fit.model, &fit.theta, &mut residual);
     let most = (fitter.used() as f64 / 300.0).clamp(1.0, TAU_SAMPLES.1);
     loss::correlation_samples(&residual, fit.scale_bar).clamp(TAU_SAMPLES.0.min(most), most)
 }
@@ -378,8 +385,9 @@ pub fn explained_rms(fitter: &Fitter<'_>, a: &Fit<'_>, b: &Fit<'_>) -> f64 {
     let (mut first, mut second) = (Vec::new(), Vec::new());
     simulator.pressure(&a.model, &a.theta, &mut first);
     simulator.pressure(&b.model, &b.theta, &mut second);
-    let squares: Vec<f64> =
-        first.iter().zip(&second).zip(&fitter.measured).filter(|(_, y)| y.is_finite()).map(|((p, q), _)| (p - q).powi(2)).collect();
+    let mut apart: Vec<f64> = first.iter().zip(&second).map(|(p, q)| p - q).collect();
+    fitter.weigh(&mut apart);
+    let squares: Vec<f64> = apart.iter().zip(&fitter.measured).filter(|(_, y)| y.is_finite()).map(|(e, _)| e.powi(2)).collect();
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 

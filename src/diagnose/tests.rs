@@ -348,4 +348,5 @@ fn an_effect_at_the_end_of_its_range_is_told_from_its_plainest_form() {
     assert!(!at_bound("sensor_drift", &[(1, 2000.0)]));
 }
 
+mod at_rest;
 mod good_valve;

@@ -144,6 +144,11 @@ pub trait Effect: Sync {
     fn imitates_form(&self) -> bool {
         self.kind() == Kind::Form
     }
+    /// Whether no error in the form of a model looks like it, as the current does not make it: how far the model of a good valve is
+    /// off then says nothing of it.
+    fn is_apart_from_form(&self) -> bool {
+        false
+    }
     /// Its parameters.
     fn parameters(&self) -> &'static [Parameter];
     /// The effect at work.
@@ -292,6 +297,8 @@ pub struct Hint<'a> {
     pub delay_s: f64,
     /// Measured minus simulated [bar]; NaN where not measured.
     pub residual_bar: &'a [f64],
+    /// The same of all runs with this step, each with the time of its first sample [s].
+    pub parts: &'a [(f64, &'a [f64])],
     /// Simulated [bar].
     pub pressure_bar: &'a [f64],
     /// Robust scale of the residual [bar].

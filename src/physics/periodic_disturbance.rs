@@ -27,6 +27,9 @@ impl Effect for PeriodicDisturbance {
     fn stage(&self) -> Stage {
         Stage::Sensor
     }
+    fn is_apart_from_form(&self) -> bool {
+        true
+    }
     fn parameters(&self) -> &'static [Parameter] {
         static PARAMETERS: [Parameter; 3] = [
             Parameter {
@@ -91,47 +94,118 @@ impl Pointwise for Tone {
     }
 }
 
-/// Frequency [Hz], sine and cosine amplitude [bar] of the line that stands highest above its neighbourhood.
+/// Frequency [Hz], sine and cosine amplitude [bar] of the line that stands highest above its neighbourhood, in all parts together.
 pub(super) fn strongest_line(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
-    let n = hint.residual_bar.len();
-    if n < 256 {
+    let clip = 4.0 * hint.scale_bar;
+    let clipped =
+        |residual: &[f64]| -> Vec<f64> { residual.iter().map(|e| if e.is_finite() { e.clamp(-clip, clip) } else { 0.0 }).collect() };
+    let longest = hint.parts.iter().map(|(_, residual)| residual.len()).max()?;
+    let enough = |(_, residual): &&(f64, &[f64])| residual.len() >= longest / SHORTEST;
+    let parts: Vec<(f64, Vec<f64>)> = hint.parts.iter().filter(enough).map(|(start_s, residual)| (*start_s, clipped(residual))).collect();
+    let readings: usize = parts.iter().map(|p| p.1.len()).sum();
+    if longest < FEWEST_OF_PART || readings < FEWEST {
         return None;
     }
-    let clip = 4.0 * hint.scale_bar;
-    let clipped: Vec<f64> = hint.residual_bar.iter().map(|e| if e.is_finite() { e.clamp(-clip, clip) } else { 0.0 }).collect();
-    let mut planner = realfft::RealFftPlanner::<f64>::new();
-    let forward = planner.plan_fft_forward(n);
-    let (mut input, mut spectrum) = (clipped.clone(), forward.make_output_vec());
-    forward.process(&mut input, &mut spectrum).ok()?;
-    let power: Vec<f64> = spectrum.iter().map(realfft::num_complex::Complex::norm_sqr).collect();
-    const HALF: usize = 20;
-    let lowest = ((0.3 * n as f64 * hint.dt_s) as usize).max(HALF);
+    // Where each part begins in the turn of a tone is another matter than how strong it is.
+    let forward = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(longest);
+    let mut power = vec![0.0; longest / 2 + 1];
+    for (_, part) in &parts {
+        let (mut input, mut spectrum) = (part.clone(), forward.make_output_vec());
+        input.resize(longest, 0.0);
+        forward.process(&mut input, &mut spectrum).ok()?;
+        for (sum, line) in power.iter_mut().zip(&spectrum) {
+            *sum += line.norm_sqr();
+        }
+    }
+    let half = (power.len() / 16).clamp(6, 20);
+    let lowest = ((0.3 * longest as f64 * hint.dt_s) as usize).max(half);
     let peak =
-        (lowest..power.len().saturating_sub(HALF)).max_by(|a, b| prominence(&power, *a, HALF).total_cmp(&prominence(&power, *b, HALF)))?;
+        (lowest..power.len().saturating_sub(half)).max_by(|a, b| prominence(&power, *a, half).total_cmp(&prominence(&power, *b, half)))?;
     // Between the bins: the frequency at which the projection is largest.
     let project = |f: f64| {
         let w = std::f64::consts::TAU * f;
         let (mut s, mut c) = (0.0, 0.0);
-        for (k, e) in clipped.iter().enumerate() {
-            let (sin, cos) = (w * (hint.start_s + k as f64 * hint.dt_s)).sin_cos();
-            s += e * sin;
-            c += e * cos;
+        for (start_s, part) in &parts {
+            for (k, e) in part.iter().enumerate() {
+                let (sin, cos) = (w * (start_s + k as f64 * hint.dt_s)).sin_cos();
+                s += e * sin;
+                c += e * cos;
+            }
         }
-        (2.0 * s / n as f64, 2.0 * c / n as f64)
+        (2.0 * s / readings as f64, 2.0 * c / readings as f64)
     };
-    let bin = 1.0 / (n as f64 * hint.dt_s);
     let size = |f: &f64| {
         let (s, c) = project(*f);
         s * s + c * c
     };
-    let nearest = |about: f64, step: f64| (-4..=4).map(|j| about + f64::from(j) * step).max_by(|a, b| size(a).total_cmp(&size(b)));
-    let best = nearest(nearest(peak as f64 * bin, 0.2 * bin)?, 0.03 * bin)?;
+    let nearest = |about: f64, steps: i32, step: f64| {
+        (-steps..=steps).map(|j| about + f64::from(j) * step).max_by(|a, b| size(a).total_cmp(&size(b)))
+    };
+    let bin = 1.0 / (longest as f64 * hint.dt_s);
+    let (from, to) = parts.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), (start_s, part)| {
+        (from.min(*start_s), to.max(start_s + part.len() as f64 * hint.dt_s))
+    });
+    // Parts that lie apart tell a tone in step with all of them from one beside it.
+    let width = (1.0 / (to - from)).clamp(bin / FINEST, bin);
+    let steps = (bin / width).ceil() * 4.0;
+    let best = nearest(nearest(peak as f64 * bin, steps as i32, 0.2 * width)?, 4, 0.03 * width)?;
     let (s, c) = project(best);
     Some((best, s, c))
 }
+
+/// Fewest readings in which a line is looked for, in all and in the longest part.
+const FEWEST: usize = 256;
+const FEWEST_OF_PART: usize = 128;
+/// A part shorter than the longest by this factor tells little of a line.
+const SHORTEST: usize = 8;
+/// The width of the line of parts that lie apart is at most by this factor below that of the longest part alone.
+const FINEST: f64 = 50.0;
 
 /// Power of a bin over the mean of its neighbourhood.
 fn prominence(power: &[f64], at: usize, half: usize) -> f64 {
     let around: f64 = power[at - half..at - 2].iter().chain(&power[at + 3..at + half]).sum();
     power[at] / (around + 1e-300)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_found_in_short_parts_that_lie_apart() {
+        let (frequency, dt_s) = (7.3, 0.01);
+        // Two seconds after each start, and the end of each run, on the clock of the run.
+        let begins = [(0.0, 220), (5.59, 70), (0.0, 220), (29.5, 70), (0.0, 220), (7.36, 70)];
+        let mut state = 3u64;
+        let parts: Vec<(f64, Vec<f64>)> = begins
+            .iter()
+            .map(|&(start_s, samples)| {
+                let values = (0..samples).map(|k| {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    let noise = (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+                    let t = start_s + dt_s * f64::from(k);
+                    0.3 * (std::f64::consts::TAU * frequency * t + 1.0).sin() + noise
+                });
+                (start_s, values.collect())
+            })
+            .collect();
+        let parts: Vec<(f64, &[f64])> = parts.iter().map(|p| (p.0, p.1.as_slice())).collect();
+        let longest = parts[0].1;
+        let hint = Hint {
+            start_s: 0.0,
+            dt_s,
+            current_a: longest,
+            delay_s: 0.0,
+            residual_bar: longest,
+            parts: &parts,
+            pressure_bar: longest,
+            scale_bar: 0.3,
+            recalibrated: (0.0, 0.0),
+        };
+        let (found, sine, cosine) = strongest_line(&hint).unwrap();
+        assert!((found - frequency).abs() < 0.2 / 29.5, "{found}");
+        assert!((sine.hypot(cosine) - 0.3).abs() < 0.06, "{sine} {cosine}");
+        // A part alone is too short to tell.
+        assert!(strongest_line(&Hint { parts: &parts[..1], ..hint }).is_none());
+    }
 }

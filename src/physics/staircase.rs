@@ -186,6 +186,7 @@ mod tests {
             current_a: &current_a,
             delay_s: 0.0,
             residual_bar: &residual_bar,
+            parts: &[],
             pressure_bar: &pressure_bar,
             scale_bar: 0.3,
             recalibrated: (0.0, 0.0),

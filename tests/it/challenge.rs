@@ -37,6 +37,31 @@ fn a_concealed_valve_is_sealed_diagnosed_opened_and_scored() -> Result<(), Box<d
 }
 
 #[test]
+fn a_set_is_recorded_with_its_truth_beside_it() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("set");
+    let record = || -> Result<_, std::io::Error> {
+        Command::cargo_bin("hil")
+            .map_err(std::io::Error::other)?
+            .args(["challenge", "--seed", "23", "--record", "--out"])
+            .arg(&out)
+            .output()
+    };
+    let done = record()?;
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("truth.json"))?)?;
+    let (case, of) = truth.as_object().and_then(|all| all.iter().next()).ok_or("an empty truth")?;
+    assert_eq!(names(&out.join(case)), ["holdout.csv", "record.csv", "sweep.csv"].map(str::to_owned).into());
+    let floor = of["holdout"]["floor"].as_f64().ok_or("no floor")?;
+    assert!(floor > 0.0 && floor < 5.0, "{floor}");
+    // A stop half way has left the folder of the twin.
+    std::fs::create_dir_all(out.join(case).join("twin"))?;
+    std::fs::write(out.join(case).join("twin/simulated-record.csv"), "not ours")?;
+    assert!(record()?.status.success());
+    Ok(())
+}
+
+#[test]
 fn a_count_of_nothing_is_wrong_usage() -> Result<(), Box<dyn std::error::Error>> {
     Command::cargo_bin("hil")?.args(["challenge", "--count", "0"]).assert().code(2);
     Ok(())

@@ -33,7 +33,7 @@ pub fn confirmed(rows: &Rows<'_>, columns: &[Vec<f64>], material_bar: f64) -> Op
     let n = rows.searched;
     let (_, without) = rows.regress(&[], 0..n)?;
     let (_, with) = rows.regress(columns, 0..n)?;
-    let held = |left: &[f64]| HeldOut { residual: left[n..].to_vec(), block: rows.block.clone() };
+    let held = |left: &[f64]| HeldOut::plain(left[n..].to_vec(), rows.block.clone());
     let (_, gain_ci_bar, p_value) = held(&with).gain_over(&held(&without));
     let rms = |left: &[f64]| rows.of_samples(left.iter().map(|e| e * e).sum::<f64>() / left.len().max(1) as f64);
     let rmse_bar = (rms(&without[n..]), rms(&with[n..]));

@@ -108,6 +108,9 @@ impl Found<'_> {
 
 /// The terms that this fit lacks; nothing where none is confirmed.
 pub fn discover<'a>(fitter: &Fitter<'_>, fit: &Fit<'a>) -> Option<Found<'a>> {
+    // A state that the error follows in movement is looked for there, too.
+    let fitter = &fitter.seeing(fitter.measured.clone()).trusting(None);
+    let fit = &fitter.as_it_stands(fit);
     let first = Rows::of(fitter, fit, false);
     let own_run = first.own_run;
     // Of two recordings either may show it.
