@@ -6,6 +6,7 @@ use super::descent::Descent;
 use super::diagnosis::{Claim, Finding};
 use super::fit::Fit;
 use super::good::{Good, Price};
+use super::heldout::rms;
 use super::model::Simulator;
 use super::seen;
 use crate::physics::{Effect, Kind, effect};
@@ -69,6 +70,19 @@ impl Findings<'_, '_> {
         let (fitter, base) = (self.fitter, self.base);
         let found = fitter.score(&mut Simulator::new(fitter.evidence), base, &base.calibrated(), &mut Vec::new());
         self.good.filter(|_| found.rmse_bar >= fitter.criteria.structure_known * fitter.floor_bar)
+    }
+
+    /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
+    /// it: the valve does not stand then as it did. `base_bar`, `refit_bar`: the pressure of the model as given and recalibrated.
+    pub fn stands_apart(&self, base_bar: &[f64], refit_bar: &[f64]) -> bool {
+        let off = |simulated_bar: &[f64]| {
+            let mut residual = self.residual(simulated_bar);
+            self.fitter.weigh(&mut residual);
+            rms(&residual)
+        };
+        let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
+        self.good_of_another_state().is_some_and(|good| !good.is_denied())
+            && off(corrected.as_deref().unwrap_or(base_bar)) > self.fitter.criteria.structure_named * off(refit_bar)
     }
 
     /// Whether most of what the chosen model gains over `without`, by an effect on the form of the loop or another one, lies behind

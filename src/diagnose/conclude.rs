@@ -102,9 +102,17 @@ impl<'a> Findings<'_, 'a> {
         let standardised = self.standardised(&residual);
         let block = blocks(fitter);
         let allowed_bar = (self.noise_bar(), self.accuracy_bar(!effects.is_empty()));
-        let mut weighed = standardised.clone();
-        fitter.weigh(&mut weighed);
-        let unexplained = remainder(evidence, (&standardised, &weighed), &augmented_bar, &block, allowed_bar);
+        let left = |standardised: &[f64], simulated_bar: &[f64], allowed_bar: (f64, f64)| {
+            let mut weighed = standardised.to_vec();
+            fitter.weigh(&mut weighed);
+            remainder(evidence, (standardised, &weighed), simulated_bar, &block, allowed_bar)
+        };
+        let mut unexplained = left(&standardised, &augmented_bar, allowed_bar);
+        let stands_apart = effects.is_empty() && unexplained.is_none() && self.stands_apart(&base_bar, &refit_bar);
+        if stands_apart {
+            let residual: Vec<f64> = counted.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
+            unexplained = left(&self.standardised(&residual), &base_bar, (self.noise_bar(), 0.0));
+        }
         let verdict = match (effects.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Match,
             (true, true) => Verdict::Unexplained,
@@ -188,6 +196,9 @@ impl<'a> Findings<'_, 'a> {
             notes,
         };
         diagnosis.summary = super::words::summary(&diagnosis);
+        if stands_apart {
+            diagnosis.summary = format!("{} {}", diagnosis.summary, super::words::stands_apart(&diagnosis.recalibration));
+        }
         let curves = Curves { base_bar, refit_bar, augmented_bar, runner_up_bar, ..Curves::along(evidence) };
         let open = self.open(&diagnosis);
         let mut theta = if kept { self.given.calibrated() } else { search.chosen.theta.clone() };
@@ -232,7 +243,7 @@ impl<'a> Findings<'_, 'a> {
 
     /// The model as data of the good valve has corrected it, with its pressure [bar], where this record, which the corrections have
     /// not seen, confirms them against the model as given.
-    fn corrected(&self, as_given_bar: &[f64]) -> Option<(Valve, Vec<f64>)> {
+    pub fn corrected(&self, as_given_bar: &[f64]) -> Option<(Valve, Vec<f64>)> {
         self.good.filter(|good| !good.corrections.is_empty() && self.fitter.evidence.base.is_none())?;
         let theta = self.base.calibrated();
         let mut pressure_bar = Vec::new();

@@ -1,6 +1,6 @@
 //! The sentences of a diagnosis.
 
-use super::diagnosis::{Diagnosis, Estimate, Finding, Verdict};
+use super::diagnosis::{Change, Diagnosis, Estimate, Finding, Verdict};
 use crate::physics::{Effect, effect};
 use crate::units::three_figures;
 
@@ -41,6 +41,16 @@ pub fn rejected(id: &str, bic: f64, effects: &[Finding]) -> String {
         Some(f) => format!("{} explains the record better, and then this adds nothing of worth", f.id),
         None => "what it explains is a trifle against noise and accuracy of the model".into(),
     }
+}
+
+/// What is said where a recalibration hides that the valve stands apart from its own good data.
+pub fn stands_apart(moved: &[Change]) -> String {
+    let moved: Vec<String> =
+        moved.iter().map(|c| format!("{} {} instead of {}", c.parameter, figure(c.after, &c.unit), figure(c.before, &c.unit))).collect();
+    let by = if moved.is_empty() { String::new() } else { format!(" ({})", moved.join(", ")) };
+    format!(
+        "A recalibration would hide it{by}, but data of the good valve allows none of that size: something has moved the valve, its sensor or its current, and this record does not tell which."
+    )
 }
 
 /// The answer in one paragraph.

@@ -7,7 +7,7 @@ use super::super::*;
 use super::{NOISE_BAR, drive, recording, valve};
 use crate::physics::{effect, simulate, specification};
 use crate::recording::Run;
-use crate::valve::{Identification, Input};
+use crate::valve::{Identification, Input, Polynomial, ReferenceCurves};
 
 /// The same valve with other noise, driven the other way round in time.
 fn another_drive(of: &Valve) -> Recording {
@@ -123,6 +123,28 @@ fn what_shows_only_where_the_good_valve_was_never_driven_so_fast_is_no_change() 
     assert!(lively.effects.iter().any(|f| f.id == "flow_limit" && f.claim == Claim::Changed), "{}", lively.summary);
     let unknown = claimed(&gentle(&valve()));
     assert!(unknown.effects.iter().all(|f| f.claim == Claim::Lacks), "{}", unknown.summary);
+}
+
+#[test]
+fn what_a_recalibration_hides_is_no_match_where_data_of_the_good_valve_does_not_allow_it() {
+    // Loop and curves are fitted to the record as well as they were to the good valve, elsewhere.
+    let mut apart = valve();
+    let moved = |curve: &Polynomial, by_bar: f64| {
+        let mut coefficients = curve.coefficients.clone();
+        *coefficients.last_mut().unwrap() += by_bar;
+        Polynomial::new(coefficients)
+    };
+    let curves = &apart.curves;
+    apart.curves = ReferenceCurves::on_range(moved(&curves.ascending, 0.35), moved(&curves.descending, -0.35), curves.range_a);
+    let reference = [another_drive(&valve())];
+    let d = diagnose_against(&recording(&apart), &valve(), &reference).unwrap().diagnosis;
+    assert!(d.rmse_bar.base > 5.0 * d.rmse_bar.refit_heldout, "{}", d.summary);
+    assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{}", d.summary);
+    assert!(d.summary.contains("loop width -0.7"), "{}", d.summary);
+    assert!(d.unexplained.is_some_and(|left| left.rms_bar > 0.2));
+    // Without that data nobody knows how the valve stood.
+    let alone = diagnose(&recording(&apart), &valve()).unwrap().diagnosis;
+    assert_eq!(alone.verdict, Verdict::Match, "{}", alone.summary);
 }
 
 #[test]
