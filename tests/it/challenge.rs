@@ -51,7 +51,7 @@ fn a_set_is_recorded_with_its_truth_beside_it() -> Result<(), Box<dyn std::error
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("truth.json"))?)?;
     let (case, of) = truth.as_object().and_then(|all| all.iter().next()).ok_or("an empty truth")?;
-    assert_eq!(names(&out.join(case)), ["holdout.csv", "record.csv", "sweep.csv"].map(str::to_owned).into());
+    assert_eq!(names(&out.join(case)), ["commission.csv", "holdout.csv", "record.csv", "sweep.csv"].map(str::to_owned).into());
     let floor = of["holdout"]["floor"].as_f64().ok_or("no floor")?;
     assert!(floor > 0.0 && floor < 5.0, "{floor}");
     // A stop half way has left the folder of the twin.
