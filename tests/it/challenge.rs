@@ -54,10 +54,15 @@ fn a_set_is_recorded_with_its_truth_beside_it() -> Result<(), Box<dyn std::error
     assert_eq!(names(&out.join(case)), ["commission.csv", "holdout.csv", "record.csv", "sweep.csv"].map(str::to_owned).into());
     let floor = of["holdout"]["floor"].as_f64().ok_or("no floor")?;
     assert!(floor > 0.0 && floor < 5.0, "{floor}");
-    // A stop half way has left the folder of the twin.
+    // A set that is whole is not replaced unasked.
+    assert_eq!(record()?.status.code(), Some(2));
+    // A stop half way has left the folder of the twin, and no truth.
+    std::fs::remove_file(out.join("truth.json"))?;
     std::fs::create_dir_all(out.join(case).join("twin"))?;
     std::fs::write(out.join(case).join("twin/simulated-record.csv"), "not ours")?;
-    assert!(record()?.status.success());
+    let again = record()?;
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    assert!(out.join("truth.json").exists() && !out.join(case).join("twin").exists());
     Ok(())
 }
 
