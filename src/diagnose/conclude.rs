@@ -19,6 +19,38 @@ use crate::physics::{EFFECTS, Kind};
 use crate::recording::Recording;
 use crate::valve::Valve;
 
+/// What every search about a recording goes with.
+#[derive(Clone, Copy)]
+pub struct Beside<'s> {
+    /// The recording.
+    pub recording: &'s Recording,
+    /// The model as given.
+    pub given: &'s Model<'s>,
+    /// What data of the good valve says, where there is some.
+    pub good: Option<&'s Good>,
+    /// What the effects of the scatter found.
+    pub scattered: &'s [Scattered],
+    /// Samples before the valve has settled from where it stood.
+    pub unsettled: &'s [usize],
+}
+
+impl<'s> Beside<'s> {
+    /// The diagnosis by a search that went out from `base`, and the fit that it chose; `looking`: the fitter of the part of the
+    /// recording that the search has looked at, where that is not all.
+    pub fn answer<'a>(
+        self,
+        base: &'s Model<'a>,
+        (fitter, looking): (&'s Fitter<'s>, Option<&'s Fitter<'s>>),
+        search: Search<'a>,
+    ) -> (Diagnosed, Fit<'a>) {
+        let Self { recording, given, good, scattered, unsettled } = self;
+        let weighed = Vec::new();
+        let findings = Findings { recording, given, base, good, fitter, looking, search, scattered, unsettled, weighed }.weighed();
+        let chosen = findings.search.chosen.clone();
+        (findings.conclude(), chosen)
+    }
+}
+
 /// Everything that the searches found, to be put into words.
 pub struct Findings<'s, 'a> {
     /// The recording.
@@ -94,8 +126,8 @@ impl<'a> Findings<'_, 'a> {
         form.extend(self.good.into_iter().flat_map(|g| g.corrections.iter().map(|c| c.finding(&g.names))));
 
         // Readings that were left out, but that no named cause has spoilt, are part of what is left.
-        let mut counted = measured_all.clone();
-        for k in self.scattered.iter().flat_map(|s| &s.finding.masked).chain(self.unsettled) {
+        let mut counted = self.settled(&measured_all);
+        for k in self.scattered.iter().flat_map(|s| &s.finding.masked) {
             counted[*k] = f64::NAN;
         }
         let residual: Vec<f64> = counted.iter().zip(&augmented_bar).map(|(y, p)| y - p).collect();
@@ -113,11 +145,18 @@ impl<'a> Findings<'_, 'a> {
             let residual: Vec<f64> = counted.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
             unexplained = left(&self.standardised(&residual), &base_bar, (self.noise_bar(), 0.0));
         }
+        // A cause may be right and yet no model follows what it does: on the same readings as the printed error, the promise is not kept.
+        let is_followed = || {
+            let mut all = self.settled(&measured_all);
+            all.iter_mut().zip(&augmented_bar).for_each(|(y, p)| *y -= p);
+            fitter.weigh(&mut all);
+            rms(&all) <= allowed_bar.0.hypot(allowed_bar.1)
+        };
         let verdict = match (effects.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Match,
             (true, true) => Verdict::Unexplained,
-            (false, false) => Verdict::Explained,
-            (false, true) => Verdict::PartlyExplained,
+            (false, false) if is_followed() => Verdict::Explained,
+            (false, _) => Verdict::PartlyExplained,
         };
         // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back, and
         // what the good valve's own data have calibrated is not moved by a record in which nothing has changed. Nor is it moved
@@ -206,7 +245,14 @@ impl<'a> Findings<'_, 'a> {
             base.undo(&mut theta);
         }
         let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
-        Diagnosed { diagnosis, augmented, curves, open, recalibration }
+        Diagnosed { diagnosis, augmented, curves, open, recalibration, stands_apart }
+    }
+
+    /// All readings but those before the valve has settled from where it stood; these are NaN.
+    fn settled(&self, readings: &[f64]) -> Vec<f64> {
+        let mut out = readings.to_vec();
+        self.unsettled.iter().for_each(|k| out[*k] = f64::NAN);
+        out
     }
 
     /// RMSE of a held-out residual with the masked readings counted against the model again.

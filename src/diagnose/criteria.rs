@@ -23,6 +23,9 @@ pub struct Criteria {
     pub trifle: f64,
     /// A gain of BIC beyond this counts even where what is explained lies within the noise, as a faint tone does.
     pub overwhelming: f64,
+    /// Beside a recalibration that data of the good valve does not allow, the least gain of an effect in parts of what is left: wrong names
+    /// of our unseen valves gained 0.04 to 0.13 of it, right ones 0.24 and more.
+    pub alone: f64,
     /// Chance of its held-out gain up to which an effect is confirmed (one in twenty).
     pub confirmed: f64,
     /// or the part of the gain on the data of the fit that the held-out data must show: half, as a model with one parameter too
@@ -38,6 +41,9 @@ pub struct Criteria {
     /// How many times as likely as the effect that was found a rival must be to take its place: three to one is the least that is
     /// more than a bare mention (Kass and Raftery 1995).
     pub likelier: f64,
+    /// To this power evidence is raised where models are held against each other: a set of 90 % held the truth in 12 of 16 of our own
+    /// valves at 1, in 14 at 0.5 and at 0.4, with the median set no larger.
+    pub power: f64,
     /// Posterior share of a credible set.
     pub credible: f64,
     /// Most members of a credible set: beyond four it says nothing.
@@ -70,12 +76,14 @@ impl Default for Criteria {
             net: 0.75,
             trifle: 0.5,
             overwhelming: 150.0,
+            alone: 0.2,
             confirmed: 0.05,
             carried: 0.5,
             explains: 0.8,
             recalibrates: 1.3,
             name_share: 0.5,
             likelier: 3.0,
+            power: 0.5,
             credible: 0.9,
             members: 4,
             excluded_nats: 3.0,

@@ -357,6 +357,8 @@ pub struct Diagnosed {
     pub open: Option<Open>,
     /// How a foreign base is to be read; `None` where the base is a valve. The effects about it are those of `augmented`.
     pub recalibration: Option<Recalibration>,
+    /// Whether only a recalibration that data of the good valve does not allow would hide what is off.
+    pub stands_apart: bool,
 }
 
 /// A question that the recording does not decide: which of several models the valve is.

@@ -176,7 +176,7 @@ mod tests {
         let share = 1.0 / (others.len() + 1) as f64;
         let rivals = others.iter().map(|(id, effect)| Rival { id: (*id).into(), share, valve: with(effect) }).collect();
         let open = Some(Open { named: Some(first.0.into()), share, rivals });
-        Diagnosed { diagnosis, augmented: with(first.1), curves: Curves::default(), open, recalibration: None }
+        Diagnosed { diagnosis, augmented: with(first.1), curves: Curves::default(), open, recalibration: None, stands_apart: false }
     }
 
     const CREEP: (&str, &str) = ("creep", "creep = { gain = \"3 %\", tau = \"8 s\" }");

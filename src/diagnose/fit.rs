@@ -50,6 +50,12 @@ impl Fit<'_> {
         [AT.gain, AT.offset].iter().filter_map(|k| free[*k].prior.map(|p| p.nats(self.theta[*k]))).sum()
     }
 
+    /// What it costs that loop, delay and lag are not as calibrated [nats].
+    pub fn reshaping_nats(&self) -> f64 {
+        let free = self.model.free();
+        [AT.width, AT.ln_a, AT.late, AT.lag].iter().filter_map(|k| free[*k].prior.map(|p| p.nats(self.theta[*k]))).sum()
+    }
+
     /// Whether a parameter of the last effect that it cannot do without has ended at the edge of its range.
     pub fn at_edge(&self) -> bool {
         let Some((effect, last)) = self.model.effects.last().zip(self.model.effects.len().checked_sub(1)) else { return false };
@@ -92,6 +98,8 @@ pub struct Fitter<'e> {
     pub criteria: Criteria,
     /// Whether data of the good valve says how the model stood when nothing was wrong.
     pub against_good: bool,
+    /// Whether that data also vouches for the model: it follows it.
+    pub is_vouched: bool,
     /// Effects found before by stretches of the recording that no simulation can follow.
     pub found: Vec<&'static str>,
     /// Where the model is to be trusted less, as data of the good valve has it.
@@ -111,6 +119,7 @@ impl<'e> Fitter<'e> {
             floor_bar: evidence.noise_bar,
             criteria: Criteria::default(),
             against_good: false,
+            is_vouched: false,
             found: Vec::new(),
             trust: None,
             weights: Vec::new(),
@@ -128,8 +137,8 @@ impl<'e> Fitter<'e> {
 
     /// The same on a part of the evidence.
     pub fn looking_at<'s>(&self, part: &'s Evidence) -> Fitter<'s> {
-        let Self { tau_samples, squared, floor_bar, criteria, against_good, .. } = *self;
-        Fitter { tau_samples, squared, floor_bar, criteria, against_good, found: self.found.clone(), ..Fitter::new(part) }
+        let Self { tau_samples, squared, floor_bar, criteria, against_good, is_vouched, .. } = *self;
+        Fitter { tau_samples, squared, floor_bar, criteria, against_good, is_vouched, found: self.found.clone(), ..Fitter::new(part) }
             .trusting(self.trust.clone())
     }
 

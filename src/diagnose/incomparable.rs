@@ -52,5 +52,5 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
     };
     let curves = Curves { base_bar: simulated.clone(), refit_bar: simulated.clone(), augmented_bar: simulated, ..Curves::along(evidence) };
     let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
-    Diagnosed { diagnosis, augmented: base.valve.clone(), curves, open: None, recalibration }
+    Diagnosed { diagnosis, augmented: base.valve.clone(), curves, open: None, recalibration, stands_apart: false }
 }

@@ -4,6 +4,7 @@
 //! with the base model; "recalibrate only" gets the same effort. The choice is by BIC on effective samples and by
 //! what held-out stretches show. This room knows no effect by name.
 
+mod apart;
 mod base;
 mod before_form;
 mod claims;
@@ -63,7 +64,7 @@ pub use story::{Cell, RunStory, Slice, Story, Strip, story};
 pub use watch::{Tried, tell_of_candidates};
 pub use words::{figure, paragraph, title, uncertainty};
 
-use conclude::Findings;
+use conclude::Beside;
 use criteria::Criteria;
 use evidence::Evidence;
 use fit::Fitter;
@@ -72,7 +73,7 @@ use model::Model;
 use scatter::scatter;
 
 use crate::course::{Course, Preparation};
-use crate::physics::Kind;
+use crate::physics::{Effect, Kind};
 use crate::recording::Recording;
 use crate::valve::Valve;
 
@@ -157,10 +158,13 @@ fn on_evidence(
     if let Some(good) = &good {
         fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());
         fitter.against_good = true;
+        fitter.is_vouched = !good.is_denied();
         fitter = fitter.trusting(good.trust.clone());
     }
     // Readings that measure nothing go first, so that they hide nothing else.
     let (null, base) = search::recalibrated(&fitter, base);
+    // Neighbouring readings that a tone between the samples drives apart tell of more noise than there is error in all.
+    fitter.floor_bar = fitter.floor_bar.min(null.rmse_bar.hypot(good.as_ref().map_or(0.0, Good::form_error_bar)));
     let mut scattered = scatter(&fitter, &null, |_| true);
     scattered.retain(|s| !s.finding.masked.is_empty());
     for s in &scattered {
@@ -176,26 +180,25 @@ fn on_evidence(
     before_form::cause_before_form(&fitter, &mut search);
     let mut hollow = hollow::drop_hollow(&fitter, &mut search, good.is_some());
     hollow.extend(hollow::drop_hollow_scatter(&fitter, &search, &mut scattered));
-    // What only the scatter shows is looked for about the best course.
-    let late = scatter(&fitter, &search.chosen, |e| e.kind() == Kind::Scatter && !fitter.found.contains(&e.id()));
+    // What only the scatter shows is looked for about the best course, and a tone that no sine keeps in step with.
+    let is_late = |e: &dyn Effect| e.kind() == Kind::Scatter || e.is_apart_from_form();
+    let has = |e: &dyn Effect| fitter.found.contains(&e.id()) || search.chosen.model.effects.iter().any(|have| have.id() == e.id());
+    let late = scatter(&fitter, &search.chosen, |e| is_late(e) && !has(e));
+    hollow.retain(|id| late.iter().all(|s| s.effect.id() != *id));
     scattered.extend(late);
     let null = search.null.clone();
-    let findings = Findings {
-        recording,
-        given: &given,
-        base: &base,
-        good: good.as_ref(),
-        fitter: &fitter,
-        looking: looking.as_ref(),
-        search,
-        scattered: &scattered,
-        unsettled: &unsettled,
-        weighed: Vec::new(),
-    };
-    let findings = findings.weighed();
-    let chosen = findings.search.chosen.clone();
-    let mut found = findings.conclude();
-    let remains = matches!(found.diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    let beside = Beside { recording, given: &given, good: good.as_ref(), scattered: &scattered, unsettled: &unsettled };
+    let (mut found, mut chosen) = beside.answer(&base, (&fitter, looking.as_ref()), search);
+    let still = base.standing_still();
+    if found.stands_apart && apart::leaves_the_loop(&null) {
+        let search = apart::search(&mut fitter, looking.as_mut(), &still);
+        let (named, with) = beside.answer(&still, (&fitter, looking.as_ref()), search);
+        let as_well = with.rmse_bar <= fitter.criteria.structure_known * null.rmse_bar;
+        if as_well && named.diagnosis.verdict == Verdict::Explained {
+            (found, chosen) = (named, with);
+        }
+    }
+    let remains = found.diagnosis.unexplained.is_some();
     // The states of a process last longer than those that are tried, and a foreign model is taken as it is.
     if let Some(term) = (remains && foreign.is_none() && !evidence.is_slow()).then(|| discover::discover(&fitter, &chosen)).flatten() {
         let beside: Vec<_> = scattered.iter().filter_map(scatter::Scattered::specification).collect();

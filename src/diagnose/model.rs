@@ -68,6 +68,8 @@ pub struct Model<'a> {
     foreign_step_s: Option<f64>,
     /// How far the model is off where nothing is wrong [bar].
     form_error_bar: f64,
+    /// Whether the calibration stays as it is.
+    is_still: bool,
     /// How the recording is sampled that it is fitted to.
     sampling: Sampling,
 }
@@ -89,6 +91,7 @@ impl<'a> Model<'a> {
             slowness: 1.0,
             foreign_step_s: None,
             form_error_bar: 0.0,
+            is_still: false,
             sampling: Sampling { length_s: 60.0, step_s: VALVE_STEP_S },
         })
     }
@@ -102,6 +105,11 @@ impl<'a> Model<'a> {
     /// that, too.
     pub fn off_by(self, form_error_bar: f64) -> Self {
         Self { form_error_bar, ..self }
+    }
+
+    /// This model with a calibration that stays as it is.
+    pub fn standing_still(&self) -> Self {
+        Self { is_still: true, ..self.clone() }
     }
 
     /// This model with no more lag than a slow sweep cannot see: a longer one, which an identification took in and the
@@ -218,15 +226,15 @@ impl<'a> Model<'a> {
                 prior: (self.lag_limit_s <= 1.5 * UNSEEN_LAG_S).then_some(usual),
             },
         };
+        let still = |value: f64| Free { range: (value, value), log: false, step: 0.0, resolved: false, prior: None };
         if let Some(step_s) = self.foreign_step_s {
-            let still = |value: f64| Free { range: (value, value), log: false, step: 0.0, resolved: false, prior: None };
             (base.width, base.ln_a, base.lag) = (still(start.width), still(start.ln_a), still(start.lag));
             base.late.range.0 = -base.late.range.1;
             // Whether a simulation reads its command at the begin or the end of a step is its own affair.
             let sigma = CALIBRATION.late.hypot(step_s);
             base.late.prior = Some(Prior { mean: start.late, sigma, heavy: Heavy::No });
         }
-        let mut free = base.in_order().to_vec();
+        let mut free = if self.is_still { start.in_order().map(still).to_vec() } else { base.in_order().to_vec() };
         for (effect, held) in self.effects.iter().zip(&self.held) {
             free.extend(effect.parameters().iter().zip(held).enumerate().map(|(k, (p, held))| {
                 let resolved = effect.resolved(k, self.sampling);

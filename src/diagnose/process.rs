@@ -230,5 +230,5 @@ fn diagnosed(
         super::words::summary(&diagnosis)
     );
     let curves = Curves { refit_bar: base_bar.clone(), base_bar, augmented_bar, ..Curves::along(evidence) };
-    Diagnosed { diagnosis, augmented, curves, open: None, recalibration: None }
+    Diagnosed { diagnosis, augmented, curves, open: None, recalibration: None, stands_apart: false }
 }

@@ -2,7 +2,7 @@
 //! what is left.
 
 use super::conclude::Findings;
-use super::diagnosis::{Diagnosis, Open, Rival, Verdict};
+use super::diagnosis::{Diagnosis, Open, Rival};
 use super::fit::Fit;
 
 /// Of the candidates for what is left, so many are asked about.
@@ -19,9 +19,7 @@ impl Findings<'_, '_> {
             let rivals = weighed.rest.iter().map(|member| rival(member.id, member.share, &member.fit)).collect();
             return Some(Open { named: Some(finding.id.clone()), share: weighed.share, rivals });
         }
-        if !matches!(diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
-            return None;
-        }
+        diagnosis.unexplained.as_ref()?;
         // The round that went on from what stands in the answer, and found nothing worth adding.
         let kept = |id: &str| diagnosis.effects.iter().chain(&diagnosis.form).any(|f| f.id == id);
         let is_answer = |fit: &Fit<'_>| {

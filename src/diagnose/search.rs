@@ -188,6 +188,12 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
             fit = less;
             continue;
         }
+        // Beside a recalibration that data of the good valve does not allow, what adds little to it repairs the repair.
+        let repairs = fitter.is_vouched && fit.reshaping_nats() > 0.5 * fitter.criteria.very_strong;
+        if repairs && !signed && gain < fitter.criteria.alone * with.rmse_bar() {
+            fit = less;
+            continue;
+        }
         if !stood_in && !signed && !carried && p_value > fitter.criteria.confirmed && interval.is_some_and(|i| i.0 <= 0.0) {
             fit = less;
         }

@@ -246,6 +246,14 @@ fn a_supply_that_sags_at_times_of_its_own_is_named_and_no_part_of_the_augmented_
     let named: Vec<&str> = found.diagnosis.effects.iter().map(|e| e.id.as_str()).collect();
     assert_eq!(named, ["supply_saturation"], "{}", found.diagnosis.summary);
     assert!(found.augmented.effects.is_empty(), "another drive has its own sags: {:?}", found.augmented.effects);
+    // The cause is right, and yet the model that is written is as far off as before.
+    assert_eq!(found.diagnosis.verdict, Verdict::PartlyExplained, "{}", found.diagnosis.summary);
+    assert!(
+        found.diagnosis.unexplained.is_none() && found.diagnosis.summary.contains("no model follows it"),
+        "{}",
+        found.diagnosis.summary
+    );
+    assert!(found.diagnosis.discovered.is_none() && found.open.is_none_or(|open| open.named.is_some()));
 }
 
 #[test]

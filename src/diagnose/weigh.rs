@@ -107,11 +107,14 @@ impl<'a> Findings<'_, 'a> {
         rest.sort_by(|a, b| b.0.total_cmp(&a.0));
         let likelier =
             rest.first().filter(|(share, _)| *share > fitter.criteria.likelier * shares[0]).map(|(share, k)| (*share, fits[*k].clone()));
+        let at_bound = chosen.at_bound(k);
         let mut held = shares[0];
         let mut members = Vec::new();
         for (share, k) in rest {
-            // Nothing that is likelier than the name itself may be missing.
-            let enough = held >= fitter.criteria.credible && share <= shares[0];
+            // Nothing that is likelier than the name itself may be missing; nor may a name stand alone that had to go to the end of its
+            // range: it is a class then, and the next best belongs to it.
+            let alone = at_bound && members.is_empty();
+            let enough = held >= fitter.criteria.credible && share <= shares[0] && !alone;
             if enough || members.len() + 1 >= fitter.criteria.members {
                 break;
             }

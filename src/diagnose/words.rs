@@ -1,6 +1,6 @@
 //! The sentences of a diagnosis.
 
-use super::diagnosis::{Change, Diagnosis, Estimate, Finding, Verdict};
+use super::diagnosis::{Change, Diagnosis, Errors, Estimate, Finding, Verdict};
 use crate::physics::{Effect, effect};
 use crate::units::three_figures;
 
@@ -53,6 +53,14 @@ pub fn stands_apart(moved: &[Change]) -> String {
     )
 }
 
+/// What is said where a cause is right, and what it does to single readings is a matter of chance or of times of its own.
+fn not_followed(e: &Errors) -> String {
+    format!(
+        "Nothing else is off, but what that does to single readings comes by chance or at times of its own: no model follows it there, and {:.3} bar RMSE stay.",
+        e.augmented_heldout
+    )
+}
+
 /// The answer in one paragraph.
 pub fn summary(d: &Diagnosis) -> String {
     let e = &d.rmse_bar;
@@ -86,6 +94,9 @@ pub fn summary(d: &Diagnosis) -> String {
     match d.verdict {
         Verdict::Match => format!("Nothing is wrong beyond noise and the model's own accuracy. {error}"),
         Verdict::Explained => format!("Missing in the model: {found}. {error} {held}"),
+        Verdict::PartlyExplained if d.unexplained.is_none() => {
+            format!("Missing in the model: {found}. {error} {held} {}", not_followed(&d.rmse_bar))
+        }
         Verdict::PartlyExplained => {
             format!("Missing in the model, among other things: {found}. {error} {held} {rest} I do not know what that is.")
         }

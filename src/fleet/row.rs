@@ -112,7 +112,12 @@ impl Row {
 
     /// Whether something is missing that no effect carries.
     pub fn is_open(&self) -> bool {
-        matches!(self.verdict.as_deref(), Some("unexplained" | "partly_explained"))
+        match self.verdict.as_deref() {
+            Some("unexplained") => true,
+            // A cause whose readings no model follows leaves nothing that is not understood.
+            Some("partly_explained") => self.remainder.is_some(),
+            _ => false,
+        }
     }
 }
 

@@ -54,6 +54,7 @@ mod supply_saturation;
 mod thermal_gain;
 mod thermal_zero;
 mod transport_delay;
+mod wandering_tone;
 
 pub use block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Step};
 pub use course::{Misfit, signals, simulate_course};

@@ -6,12 +6,16 @@
 //!
 //! Signature: one narrow line in the spectrum of the error, the same in holds and in ramps.
 //!
+//! Where the pace wanders, as a pump's does, no sine stays in step: the band of the spectrum tells it, its middle and its size are
+//! said, and the augmented model is without it.
+//!
 //! What to check on the bench: change the pump speed, the PWM frequency or the log rate and see whether the line moves.
 //!
 //! Source: Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., section 4.2 (aliasing).
 
 use super::block::{Block, Point, Pointwise};
-use super::effect::{Context, Effect, Hint, Parameter, Sampling, Stage, Theta};
+use super::effect::{Context, Effect, Hint, Parameter, Sampling, Scatter, ScatterFinding, Stage, Theta};
+use super::wandering_tone::wandering_tone;
 use crate::units::{FREQUENCY, PRESSURE};
 
 /// The effect `periodic_disturbance`.
@@ -65,6 +69,10 @@ impl Effect for PeriodicDisturbance {
     }
     fn resolved(&self, k: usize, of: Sampling) -> Option<f64> {
         (k == 0).then(|| SHARE_OF_LINE / of.length_s)
+    }
+    /// A tone whose pace wanders.
+    fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
+        wandering_tone(of)
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let w = std::f64::consts::TAU * theta[0];
@@ -124,22 +132,28 @@ pub(super) fn strongest_line(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
     // Between the bins: the frequency at which the projection is largest.
     let project = |f: f64| {
         let w = std::f64::consts::TAU * f;
+        let (turn_sin, turn_cos) = (w * hint.dt_s).sin_cos();
         let (mut s, mut c) = (0.0, 0.0);
         for (start_s, part) in &parts {
-            for (k, e) in part.iter().enumerate() {
-                let (sin, cos) = (w * (start_s + k as f64 * hint.dt_s)).sin_cos();
-                s += e * sin;
-                c += e * cos;
+            // Turned on from reading to reading, and set anew before the rounding counts.
+            for (n, block) in part.chunks(TURNED).enumerate() {
+                let (mut sin, mut cos) = (w * (start_s + (n * TURNED) as f64 * hint.dt_s)).sin_cos();
+                for e in block {
+                    s += e * sin;
+                    c += e * cos;
+                    (sin, cos) = (sin * turn_cos + cos * turn_sin, cos * turn_cos - sin * turn_sin);
+                }
             }
         }
         (2.0 * s / readings as f64, 2.0 * c / readings as f64)
     };
-    let size = |f: &f64| {
-        let (s, c) = project(*f);
+    let size = |f: f64| {
+        let (s, c) = project(f);
         s * s + c * c
     };
     let nearest = |about: f64, steps: i32, step: f64| {
-        (-steps..=steps).map(|j| about + f64::from(j) * step).max_by(|a, b| size(a).total_cmp(&size(b)))
+        let sizes = (-steps..=steps).map(|j| about + f64::from(j) * step).map(|f| (f, size(f)));
+        sizes.max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
     };
     let bin = 1.0 / (longest as f64 * hint.dt_s);
     let (from, to) = parts.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), (start_s, part)| {
@@ -160,6 +174,9 @@ const FEWEST_OF_PART: usize = 128;
 const SHORTEST: usize = 8;
 /// The width of the line of parts that lie apart is at most by this factor below that of the longest part alone.
 const FINEST: f64 = 50.0;
+
+/// Readings over which a tone is turned on without its sine and cosine being worked out anew.
+const TURNED: usize = 256;
 
 /// Power of a bin over the mean of its neighbourhood.
 fn prominence(power: &[f64], at: usize, half: usize) -> f64 {

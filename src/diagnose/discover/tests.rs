@@ -50,7 +50,7 @@ fn found(runs: Vec<Run>) -> Option<Vec<String>> {
     // What the page draws is the model with the term.
     let diagnosis = crate::diagnose::diagnosis::tests::nothing();
     let curves = crate::diagnose::diagnosis::Curves::along(&evidence);
-    let mut entered = Diagnosed { diagnosis, augmented: valve.clone(), curves, open: None, recalibration: None };
+    let mut entered = Diagnosed { diagnosis, augmented: valve.clone(), curves, open: None, recalibration: None, stands_apart: false };
     term.enter(&mut entered, &null, Vec::new());
     assert!(entered.diagnosis.adds() && term.adds_bar > 0.0);
     assert_eq!(entered.curves.augmented_bar, term.pressure_bar);

@@ -147,22 +147,53 @@ fn what_a_recalibration_hides_is_no_match_where_data_of_the_good_valve_does_not_
     assert_eq!(alone.verdict, Verdict::Match, "{}", alone.summary);
 }
 
+/// What a valve does besides, by steps of this size [bar], comes when it will: no model follows it, on any drive.
+fn knocked(mut recording: Recording, source: &str, (seed, size_bar): (u64, f64)) -> Recording {
+    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+    let normal = Normal::new(0.0, size_bar).unwrap();
+    let mut level = 0.0;
+    for (k, p) in recording.runs[0].pressure_bar.iter_mut().flatten().enumerate() {
+        if k % 80 == 0 {
+            level = normal.sample(&mut random);
+        }
+        *p += level;
+    }
+    Recording { source: source.into(), ..recording }
+}
+
+#[test]
+fn a_cause_stands_in_the_place_of_a_recalibration_that_data_of_the_good_valve_does_not_allow() {
+    // The good valve wanders by 0.12 bar, and by as much gain and zero may be off on another drive: by 0.3 bar they may not.
+    let reference = [knocked(another_drive(&valve()), "good.csv", (3, 0.12))];
+    let off = |by_bar: f64| {
+        let mut record = recording(&valve());
+        record.runs[0].pressure_bar.iter_mut().flatten().for_each(|p| *p += by_bar);
+        diagnose_against(&record, &valve(), &reference).unwrap().diagnosis
+    };
+    let d = off(0.3);
+    let told = |f: &Finding| f.id == "sensor_zero" || f.indistinguishable.iter().any(|id| id == "sensor_zero");
+    assert!(d.effects.len() == 1 && d.effects[0].claim == Claim::Changed && told(&d.effects[0]), "{}", d.summary);
+    assert_eq!(d.verdict, Verdict::Explained, "{}", d.summary);
+    let d = off(0.1);
+    assert_eq!((d.verdict, d.effects.len()), (Verdict::Match, 0), "{}", d.summary);
+}
+
+#[test]
+fn a_tone_near_half_the_rate_is_no_noise() {
+    // Neighbouring readings differ by more than all that is left, and the tone was taken for noise.
+    let mut hums = recording(&valve());
+    let run = &mut hums.runs[0];
+    for (p, t) in run.pressure_bar.iter_mut().flatten().zip(&run.time_s) {
+        *p += 0.5 * (std::f64::consts::TAU * 46.3 * t).sin();
+    }
+    let d = diagnose_against(&hums, &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+    assert_eq!(d.effects.first().map(|f| f.id.as_str()), Some("periodic_disturbance"), "{}", d.summary);
+    assert!((d.effects[0].parameters["frequency"].value - 46.3).abs() < 0.05, "{}", d.summary);
+}
+
 #[test]
 fn the_recording_of_an_identification_that_failed_excuses_nothing() {
-    // What the valve does besides comes when it will: no model follows it, on either drive.
-    let knocked = |mut recording: Recording, source: &str, seed: u64| {
-        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
-        let normal = Normal::new(0.0, 1.0).unwrap();
-        let mut level = 0.0;
-        for (k, p) in recording.runs[0].pressure_bar.iter_mut().flatten().enumerate() {
-            if k % 80 == 0 {
-                level = 0.4 * normal.sample(&mut random);
-            }
-            *p += level;
-        }
-        Recording { source: source.into(), ..recording }
-    };
-    let (sweep, record) = (knocked(recording(&valve()), "sweep.csv", 1), knocked(recording(&valve()), "drive.csv", 2));
+    let (sweep, record) = (knocked(recording(&valve()), "sweep.csv", (1, 0.4)), knocked(recording(&valve()), "drive.csv", (2, 0.4)));
     let identified = Identification { recording: "sweep.csv".into(), sha256: Some("0".repeat(64)), ..Identification::default() };
     let model = Valve { identification: Some(identified), ..valve() };
     let d = diagnose_against(&record, &model, std::slice::from_ref(&sweep)).unwrap().diagnosis;

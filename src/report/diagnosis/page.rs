@@ -104,8 +104,8 @@ fn answer(d: &Diagnosis) -> String {
     };
     match d.verdict {
         Verdict::Match => "Nothing is missing".into(),
-        Verdict::Explained => format!("Missing in the model: {named}"),
-        Verdict::PartlyExplained => format!("Missing in the model: {named}, and something unknown"),
+        Verdict::PartlyExplained if d.unexplained.is_some() => format!("Missing in the model: {named}, and something unknown"),
+        Verdict::Explained | Verdict::PartlyExplained => format!("Missing in the model: {named}"),
         Verdict::Unexplained => "Something is missing that the library does not hold".into(),
         Verdict::NotComparable => "Model and recording do not belong together".into(),
     }

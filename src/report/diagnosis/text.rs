@@ -11,6 +11,7 @@ pub fn text(d: &Diagnosis) -> String {
     let verdict = match d.verdict {
         Verdict::Match => "MATCH: nothing is wrong",
         Verdict::Explained => "EXPLAINED",
+        Verdict::PartlyExplained if d.unexplained.is_none() => "PARTLY EXPLAINED: named, but no model follows it",
         Verdict::PartlyExplained => "PARTLY EXPLAINED: structure remains",
         Verdict::Unexplained => "UNEXPLAINED: no effect of the library carries it",
         Verdict::NotComparable => "NOT COMPARABLE: model and recording do not belong together",
