@@ -40,3 +40,31 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, mut looking: Option<&mut Fitter<'_>>,
     }
     search
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
+    use crate::diagnose::model::Simulator;
+
+    #[test]
+    fn a_loop_that_had_to_move_stands_for_no_single_cause_and_a_still_calibration_does_not_move() {
+        let valve = straight();
+        let evidence = held(vec![straight_run(waves(3000), |_, _| 0.4)]);
+        let fitter = Fitter::new(&evidence);
+        let base = Model::base(&valve).unwrap().on(&evidence);
+        let moved = |k: usize, by: f64| {
+            let mut theta = base.calibrated();
+            theta[k] += by;
+            fitter.score(&mut Simulator::new(&evidence), &base, &theta, &mut Vec::new())
+        };
+        assert!(leaves_the_loop(&moved(AT.offset, 0.4)) && leaves_the_loop(&moved(AT.late, 0.006)));
+        assert!(leaves_the_loop(&moved(AT.width, 0.1)) && !leaves_the_loop(&moved(AT.width, -0.5)));
+        assert!(leaves_the_loop(&moved(AT.ln_a, 0.3)) && !leaves_the_loop(&moved(AT.ln_a, -3.0)));
+
+        let free = fitter.recalibrate(&base, &[]);
+        assert!(free.theta[AT.offset] > 0.1, "{:?}", free.theta);
+        let still = base.standing_still();
+        assert_eq!(fitter.recalibrate(&still, &[]).theta, still.calibrated());
+    }
+}
