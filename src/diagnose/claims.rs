@@ -64,25 +64,41 @@ impl Findings<'_, '_> {
         })
     }
 
+    /// How many times as far as data of the good valve excuses the record is off the model, as that data has it and without any refit:
+    /// over all readings as they weigh, and in the class of movements where that is most.
+    fn beyond(&self, good: &Good) -> (f64, f64) {
+        let (fitter, base) = (self.fitter, self.base);
+        let found = fitter.score(&mut Simulator::new(fitter.evidence), base, &base.calibrated(), &mut Vec::new());
+        let residual = self.residual(&self.simulated(&found));
+        (found.rmse_bar / fitter.floor_bar, good.trust.as_ref().map_or(0.0, |trust| trust.beyond(fitter.evidence, &residual)))
+    }
+
     /// The data of the good valve, unless the record is no farther off the model, as that data has it and without any refit, than that
     /// data is: nothing has changed then.
     pub fn good_of_another_state(&self) -> Option<&Good> {
-        let (fitter, base) = (self.fitter, self.base);
-        let found = fitter.score(&mut Simulator::new(fitter.evidence), base, &base.calibrated(), &mut Vec::new());
-        self.good.filter(|_| found.rmse_bar >= fitter.criteria.structure_known * fitter.floor_bar)
+        let criteria = &self.fitter.criteria;
+        self.good.filter(|good| {
+            let (over_all, in_class) = self.beyond(good);
+            over_all >= criteria.structure_known || in_class > criteria.of_class
+        })
     }
 
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
-    /// it: the valve does not stand then as it did. `base_bar`, `refit_bar`: the pressure of the model as given and recalibrated.
+    /// it, or that there are few such readings: the valve does not stand then as it did. Data that does not vouch for the model says so only of what is far off.
+    /// `base_bar`, `refit_bar`: the pressure of the model as given and recalibrated.
     pub fn stands_apart(&self, base_bar: &[f64], refit_bar: &[f64]) -> bool {
+        let criteria = &self.fitter.criteria;
         let off = |simulated_bar: &[f64]| {
             let mut residual = self.residual(simulated_bar);
             self.fitter.weigh(&mut residual);
             rms(&residual)
         };
         let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
-        self.good_of_another_state().is_some_and(|good| !good.is_denied())
-            && off(corrected.as_deref().unwrap_or(base_bar)) > self.fitter.criteria.structure_named * off(refit_bar)
+        let hides = || off(corrected.as_deref().unwrap_or(base_bar)) > criteria.structure_named * off(refit_bar);
+        self.good_of_another_state().is_some_and(|good| {
+            let (over_all, in_class) = self.beyond(good);
+            (!good.is_denied() || over_all > criteria.structure) && (in_class > criteria.of_class || hides())
+        })
     }
 
     /// Whether most of what the chosen model gains over `without`, by an effect on the form of the loop or another one, lies behind
@@ -107,7 +123,7 @@ impl Findings<'_, '_> {
             all += gain;
             unseen += if new { gain } else { 0.0 };
         }
-        unseen > 0.5 * all
+        unseen > 0.0 && unseen > 0.5 * all
     }
 
     /// Whether data of a good valve excludes effect number `k` of the chosen model; `good`: that data, where it is of another state than

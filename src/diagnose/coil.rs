@@ -10,7 +10,7 @@ use super::evidence::Evidence;
 use super::fit::{Fit, Fitter};
 use super::model::Model;
 use super::search::recalibrated;
-use super::start;
+use super::settled;
 use crate::course::{Course, Input, Noise, Preparation};
 use crate::recording::Recording;
 
@@ -75,7 +75,7 @@ pub fn coil_current(recording: &Recording, fitter: &Fitter<'_>, null: &Fit<'_>) 
         Evidence::of(Course::take(driven, &Preparation { input: Some(Input::Ramp), ..Preparation::default() }).ok()?).ok()?;
     let base = Model::base(valve).ok()?.on(&evidence);
     let base = if evidence.is_slow() { base.of_process(evidence.step_s()) } else { base };
-    let unsettled = start::unsettled(&mut evidence, &base);
+    let unsettled = settled::unsettled(&mut evidence, &base);
     let by_measured = Fitter::without(&evidence, &unsettled).trusting(fitter.trust.clone());
     let (fit, _) = recalibrated(&by_measured, base);
     // A channel with which the model fits worse is not the current of this coil, or not in this unit.

@@ -4,6 +4,7 @@
 use super::evidence::{Evidence, MIDDLE};
 use super::fit::{Fit, Fitter};
 use super::model::{Model, Simulator, VALVE_STEP_S};
+use super::settled::unsettled;
 use crate::course::Run;
 
 /// Samples that a search looks at where one of them costs a step of one lag: over two minutes at 100 Hz,
@@ -55,7 +56,24 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) ->
     let all = samples_of(&runs);
     let part = if all > most && runs.len() <= STRETCHES { most as f64 / all as f64 } else { 1.0 };
     let runs = runs.iter().flat_map(|(run, share, off_bar)| stretches(run, *share, (run.len() as f64 * part) as usize, off_bar));
-    Some(evidence.of_runs(runs.unzip(), ROUGH))
+    let mut short = evidence.of_runs(runs.unzip(), ROUGH);
+    if part < 1.0 {
+        mask(&mut short, base);
+    }
+    Some(short)
+}
+
+/// Has each stretch begin where it fits the model best, or leaves out what depends on that: while the current rests, a valve does not
+/// forget where it stood in its loop, however long the lead-in.
+fn mask(short: &mut Evidence, base: &Model<'_>) {
+    let unsettled = unsettled(short, base);
+    let mut begin = 0;
+    for grid in &mut short.grids {
+        let samples = grid.len();
+        let of_grid = unsettled.iter().filter(|k| (begin..begin + samples).contains(*k));
+        of_grid.for_each(|k| grid.pressure_bar[k - begin] = f64::NAN);
+        begin += samples;
+    }
 }
 
 /// What a reader should know of it; nothing where all samples are looked at.

@@ -17,7 +17,7 @@ use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
 use super::search::{recalibrated, search_in};
 use super::trust::Trust;
-use super::{comparable, start};
+use super::{comparable, settled};
 use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Scatter};
 use crate::recording::Recording;
@@ -38,8 +38,8 @@ pub struct Good {
     pub valve: Valve,
     /// What was added to it: effects, with the values of their parameters and their errors.
     pub corrections: Vec<Correction>,
-    /// Effects of the scatter that the good valve shows as well.
-    pub scatter: Vec<&'static str>,
+    /// Effects of the scatter that the good valve shows as well, with the values of their parameters.
+    scatter: Vec<(&'static str, Vec<f64>)>,
     /// What of it a search looks at; `None` where that is all.
     short: Option<Evidence>,
     /// Measured pressures; NaN where masked [bar].
@@ -128,7 +128,7 @@ impl Good {
         if slow {
             base = base.of_process(evidence.step_s());
         }
-        let unsettled = start::unsettled(&mut evidence, &base);
+        let unsettled = settled::unsettled(&mut evidence, &base);
         let mut fitter = Fitter::without(&evidence, &unsettled);
         let (null, base) = recalibrated(&fitter, base);
         let masked: Vec<Scattered> = scatter(&fitter, &null, |_| true);
@@ -140,8 +140,8 @@ impl Good {
         let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
         let found = search_in(&mut fitter, looking.as_mut(), &base);
         let chosen = found.chosen;
-        let mut seen: Vec<&'static str> = masked.iter().map(|s| s.effect.id()).collect();
-        seen.extend(scatter(&fitter, &chosen, |_| true).iter().map(|s| s.effect.id()));
+        let late = scatter(&fitter, &chosen, |_| true);
+        let seen = masked.into_iter().chain(late).map(|s| (s.effect.id(), s.finding.theta)).collect();
         let errors = fitter.standard_errors(&chosen);
         let corrections = (0..chosen.model.effects.len())
             .map(|k| {
@@ -211,7 +211,8 @@ impl Good {
 
     /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.
     pub fn scatters(&self, effect: &dyn Effect, theta: &[f64]) -> bool {
-        if self.scatter.contains(&effect.id()) {
+        let is_no_larger = |known: &[f64]| theta.iter().zip(known).all(|(here, there)| here.abs() <= FAR * there.abs());
+        if self.scatter.iter().any(|(id, known)| *id == effect.id() && is_no_larger(known)) {
             return true;
         }
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return false };
@@ -284,6 +285,8 @@ fn worst(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     runs.fold(0.0, f64::max)
 }
 
+/// Scatter that is this many times what the good valve shows is another one.
+const FAR: f64 = 2.0;
 /// From this share of readings that are the same as the one before on, a recording shows less noise than its sensor has.
 const REPEATS: f64 = 0.1;
 /// Values that are tried between what the record wants and what data of the good valve wants: shares of the way.

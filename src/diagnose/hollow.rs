@@ -4,14 +4,14 @@
 //! alone. Such a name is worse than none, and the model with it is no better on another drive.
 
 use super::fit::{Fit, Fitter};
-use super::heldout::{carried_forward, held_out};
+use super::heldout::{carried_forward, held_out, rms};
 use super::model::Simulator;
 use super::scatter::Scattered;
 use super::search::Search;
 use crate::physics::Kind;
 
 /// Takes causes in name only out of what was chosen; their ids. Where all together do not explain enough, as many of the first
-/// ones stay as are needed to halve the held-out error, and go on to do so beyond the data of their fit: physics that is there
+/// ones stay as explain that share of the held-out error, and go on to do so beyond the data of their fit: physics that is there
 /// beside more that nothing in the library holds.
 ///
 /// `of_form`: whether a form of the loop may be called a cause, as data of the good valve makes it.
@@ -20,7 +20,7 @@ pub fn drop_hollow(fitter: &Fitter<'_>, search: &mut Search<'_>, of_form: bool) 
         return Vec::new();
     }
     let held = |fit: &Fit<'_>| held_out(fitter, fit, HELD_STEPS).weighed_bar();
-    let enough = HALF * held(&search.null);
+    let enough = (1.0 - fitter.criteria.explains).sqrt() * held(&search.null);
     let mut dropped = Vec::new();
     let mut fit = search.chosen.clone();
     let mut stays = None;
@@ -41,7 +41,7 @@ pub fn drop_hollow(fitter: &Fitter<'_>, search: &mut Search<'_>, of_form: bool) 
 }
 
 /// Takes out what spoils readings where most of the error lies in the others: the readings stay out of the fit, and no cause is
-/// named for them.
+/// named for them. Readings that neither neighbour bears out need no model to be wrong.
 pub fn drop_hollow_scatter(fitter: &Fitter<'_>, search: &Search<'_>, scattered: &mut Vec<Scattered>) -> Vec<&'static str> {
     let (spoilt, kept): (Vec<Scattered>, Vec<Scattered>) =
         std::mem::take(scattered).into_iter().partition(|s| !s.finding.masked.is_empty());
@@ -55,6 +55,9 @@ pub fn drop_hollow_scatter(fitter: &Fitter<'_>, search: &Search<'_>, scattered: 
     };
     let (before, after) = (squares(&search.null, &all), squares(&search.chosen, &fitter.measured));
     *scattered = kept;
+    let (alone, spoilt): (Vec<Scattered>, Vec<Scattered>) =
+        spoilt.into_iter().partition(|s| stand_alone(&all, &s.finding.masked) > fitter.criteria.explains);
+    scattered.extend(alone);
     if after <= (1.0 - fitter.criteria.explains) * before {
         scattered.extend(spoilt);
         return Vec::new();
@@ -62,9 +65,22 @@ pub fn drop_hollow_scatter(fitter: &Fitter<'_>, search: &Search<'_>, scattered: 
     spoilt.iter().map(|s| s.effect.id()).collect()
 }
 
-/// Part of the held-out error that causes may leave where others are missing,
-const HALF: f64 = 0.5;
-/// and the steps of the fits that are held out.
+/// Share of the squared jumps of these readings beyond both neighbours, over those from reading to reading where they are: near 1 where
+/// each stands alone, a quarter and less on the course of a pressure.
+fn stand_alone(measured_bar: &[f64], readings: &[usize]) -> f64 {
+    let (mut off, mut way) = (0.0, 0.0);
+    for k in readings.iter().copied().filter(|k| *k > 0 && k + 1 < measured_bar.len()) {
+        let (before, here, after) = (measured_bar[k - 1], measured_bar[k], measured_bar[k + 1]);
+        let jumps = (here - before).powi(2) + (here - after).powi(2);
+        if jumps.is_finite() {
+            off += 2.0 * (here - 0.5 * (before + after)).powi(2);
+            way += jumps;
+        }
+    }
+    if way > 0.0 { off / way } else { 0.0 }
+}
+
+/// Steps of the fits that are held out.
 const HELD_STEPS: usize = 4;
 
 /// Whether the effects take enough of what is beyond the floor, by the squared error or by the scale of the residual; where
@@ -75,5 +91,57 @@ pub fn explains(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> bool {
     let part = |before: f64, after: f64| (before * before - after * after) / (before * before - floor2).max(0.1 * floor2);
     let stood_in = null.prior_nats - chosen.prior_nats > 0.5 * criteria.very_strong;
     let signed = chosen.model.signature_nats() > criteria.very_strong;
-    stood_in || signed || part(null.rmse_bar, chosen.rmse_bar).max(part(null.scale_bar, chosen.scale_bar)) > criteria.explains
+    let weighed = part(null.rmse_bar, chosen.rmse_bar).max(part(null.scale_bar, chosen.scale_bar));
+    stood_in || signed || weighed > criteria.explains || plainly(fitter, null, chosen) > criteria.explains
+}
+
+/// The share that effects take of the plain squared error beyond what data of the good valve excuses: most of what is wrong may show
+/// where the model is to be trusted less, and be far more than it is off there.
+fn plainly(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> f64 {
+    let excused = if fitter.weights.is_empty() {
+        fitter.floor_bar
+    } else {
+        fitter.floor_bar * rms(&fitter.weights.iter().map(|weight| weight.recip()).collect::<Vec<_>>())
+    };
+    let beyond = |fit: &Fit<'_>| fitter.plain_rmse_bar(fit).powi(2) - excused.powi(2);
+    let before = beyond(null);
+    if before > 0.1 * excused.powi(2) { (before - beyond(chosen)) / before } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::base::AT;
+    use super::super::model::Model;
+    use super::*;
+    use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
+
+    #[test]
+    fn readings_that_stand_alone_are_told_from_a_steep_course() {
+        let course: Vec<f64> = (0..400).map(|k| 10.0 + 4.0 * (0.3 * f64::from(k)).sin()).collect();
+        let mut spoilt = course.clone();
+        let readings: Vec<usize> = (5..395).step_by(13).collect();
+        readings.iter().for_each(|k| spoilt[*k] += 6.0);
+        assert!(stand_alone(&spoilt, &readings) > 0.9, "{}", stand_alone(&spoilt, &readings));
+        assert!(stand_alone(&course, &readings) < 0.3, "{}", stand_alone(&course, &readings));
+    }
+
+    #[test]
+    fn what_shows_where_the_model_is_trusted_less_is_explained_where_it_is_far_more_than_that() {
+        let valve = straight();
+        let is_still = |k: usize| k.is_multiple_of(10);
+        let evidence = held(vec![straight_run(waves(3000), |k, _| if is_still(k) { 0.0 } else { 0.4 })]);
+        let base = Model::base(&valve).unwrap().on(&evidence);
+        let fits = |trusted_less: f64| {
+            let mut fitter = Fitter::new(&evidence);
+            fitter.weights = (0..3000).map(|k| if is_still(k) { 1.0 } else { trusted_less }).collect();
+            let mut simulator = Simulator::new(&evidence);
+            let mut theta = base.calibrated();
+            let null = fitter.score(&mut simulator, &base, &theta, &mut Vec::new());
+            theta[AT.offset] += 0.4;
+            let chosen = fitter.score(&mut simulator, &base, &theta, &mut Vec::new());
+            plainly(&fitter, &null, &chosen)
+        };
+        assert!(fits(0.1) > 0.8, "off by twice what is excused: {}", fits(0.1));
+        assert!(fits(0.04) < 0.1, "off by less than is excused: {}", fits(0.04));
+    }
 }

@@ -39,6 +39,7 @@ mod scatter;
 mod screen;
 mod search;
 mod seen;
+mod settled;
 mod signature;
 mod simulated;
 mod start;
@@ -153,7 +154,7 @@ fn on_evidence(
         ));
     }
     evidence.notes.extend(valve.warnings());
-    let unsettled = start::unsettled(&mut evidence, &base);
+    let unsettled = settled::unsettled(&mut evidence, &base);
     let mut fitter = Fitter::without(&evidence, &unsettled);
     if let Some(good) = &good {
         fitter.floor_bar = evidence.noise_bar.hypot(good.form_error_bar());

@@ -245,10 +245,11 @@ fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>])
     if best.effect.kind() == Kind::Form {
         best = worthy.find(|r| r.effect.kind() == Kind::Course && gain(r) > CAUSE_FIRST * gain(best)).unwrap_or(best);
     }
-    let as_good: Vec<&Ranked<'a>> = ranked
-        .iter()
-        .filter(|r| r.effect.kind() == best.effect.kind() && gain(r) > AS_GOOD * gain(best) && worth(fitter, incumbent, &r.fit))
-        .collect();
+    // What follows the record as well as the good valve's own data is followed needs no more: the rest repairs the form.
+    let follows = |r: &Ranked<'_>| fitter.against_good && r.fit.rmse_bar < fitter.criteria.structure_known * fitter.floor_bar;
+    let is_as_good = |r: &Ranked<'_>| gain(r) > AS_GOOD * gain(best) || follows(r) && gain(r) > CAUSE_FIRST * gain(best);
+    let as_good: Vec<&Ranked<'a>> =
+        ranked.iter().filter(|r| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit)).collect();
     let fewest = as_good.iter().map(|r| r.fit.model.extra_parameters()).min()?;
     let lean = || as_good.iter().filter(|r| r.fit.model.extra_parameters() == fewest);
     let most = lean().map(|r| gain(r)).fold(f64::NEG_INFINITY, f64::max);

@@ -13,8 +13,10 @@ use crate::valve::Valve;
 const OVER_S: f64 = 0.1;
 /// and by which the memory of it fades: twenty to one within three times as long.
 const FADES_S: f64 = 0.25;
-/// A class of liveliness needs this many readings; one that has fewer goes with the next livelier one.
+/// A class of liveliness needs this many readings, over so long a time [s]: a single movement, sampled however often, tells little. One
+/// that has fewer goes with the next livelier one.
 const FEWEST: usize = 50;
+const FEWEST_S: f64 = 1.0;
 /// Classes are apart by this factor of the movement.
 const APART: f64 = 2.0;
 /// Most classes.
@@ -45,7 +47,7 @@ impl Trust {
                 squares += e * e;
                 count += 1;
             }
-            if count >= FEWEST {
+            if count >= fewest(evidence) {
                 let error = f64::sqrt(squares / count as f64);
                 let floor = classes.last().map_or(0.0, |c| c.1);
                 classes.push((begin, error.max(floor)));
@@ -63,6 +65,23 @@ impl Trust {
         let error = |m: &f64| self.classes.iter().rev().find(|c| c.0 <= *m).map_or(at_rest, |c| c.1);
         movements(&self.valve, evidence).iter().map(|m| at_rest / error(m)).collect()
     }
+
+    /// How many times as far as it was off where nothing is wrong a model is off in the class where that is most: all readings
+    /// together hide what shows behind a few movements.
+    pub fn beyond(&self, evidence: &Evidence, residual: &[f64]) -> f64 {
+        let moved = movements(&self.valve, evidence);
+        let ends = self.classes.iter().skip(1).map(|c| c.0).chain([f64::INFINITY]);
+        let ratio = |((from, error), to): (&(f64, f64), f64)| {
+            let of_class = moved.iter().zip(residual).filter(|(m, e)| e.is_finite() && (*from..to).contains(*m));
+            let (squares, count) = of_class.fold((0.0, 0usize), |(sum, count), (_, e)| (sum + e * e, count + 1));
+            if count < fewest(evidence) { 0.0 } else { f64::sqrt(squares / count as f64) / error }
+        };
+        self.classes.iter().zip(ends).map(ratio).fold(0.0, f64::max)
+    }
+}
+
+fn fewest(evidence: &Evidence) -> usize {
+    FEWEST.max((FEWEST_S / evidence.step_s()) as usize)
 }
 
 /// By how much the current has lately moved the pressure, at each sample of all runs [bar].
@@ -106,6 +125,17 @@ mod tests {
         assert!(weights[505] < 0.1, "{}", weights[505]);
         assert!((weights[900] - 1.0).abs() < 1e-9, "{}", weights[900]);
         assert!(weights.iter().all(|w| *w > 0.0 && *w <= 1.0));
+    }
+
+    #[test]
+    fn what_is_off_behind_a_few_movements_shows_though_all_readings_hide_it() {
+        let error =
+            |size: f64| move |k: usize, _: f64| if k % 500 < 30 { size } else { 0.05 * if k.is_multiple_of(2) { 1.0 } else { -1.0 } };
+        let evidence = held(vec![straight_run(steps(6000), error(0.3))]);
+        let residual = |size: f64| -> Vec<f64> { (0..6000).map(|k| error(size)(k, 0.0)).collect() };
+        let trust = Trust::of(&straight(), &evidence, &residual(0.3)).unwrap();
+        assert!((trust.beyond(&evidence, &residual(0.3)) - 1.0).abs() < 0.2, "{}", trust.beyond(&evidence, &residual(0.3)));
+        assert!(trust.beyond(&evidence, &residual(0.9)) > 2.0, "{}", trust.beyond(&evidence, &residual(0.9)));
     }
 
     #[test]

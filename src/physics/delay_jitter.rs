@@ -78,7 +78,7 @@ impl Effect for DelayJitter {
             }
         }
         let events = 1 + shifts.windows(2).filter(|w| w[1].0 > w[0].0 + 20).count();
-        if shifts.len() < FEWEST || events < FEWEST_EVENTS {
+        if shifts.len() < FEWEST || events < FEWEST_EVENTS || is_one_shift(of) {
             return None;
         }
         let median = |mut v: Vec<f64>| {
@@ -150,6 +150,18 @@ impl Effect for DelayJitter {
     }
 }
 
+/// Whether the same shift of all movements takes most of the error: that is a dead time, and no scatter of it.
+fn is_one_shift(of: &Scatter<'_>) -> bool {
+    let squares = |late: usize| -> f64 {
+        let errors = of.measured_bar[late..].iter().zip(of.simulated_bar).map(|(y, p)| (y - p).powi(2));
+        errors.filter(|e| e.is_finite()).sum()
+    };
+    let most = ((LATEST_S / of.dt_s) as usize).min(of.measured_bar.len() / 2);
+    let every = (most / SHIFTS).max(1);
+    let least = (every..=most).step_by(every).map(squares).fold(f64::INFINITY, f64::min);
+    least < (1.0 - ONE_SHIFT) * squares(0)
+}
+
 /// Slope of the simulated pressure at each sample [bar/s]; 0 at the ends.
 fn slopes(of: &Scatter<'_>) -> impl Iterator<Item = f64> {
     let n = of.simulated_bar.len();
@@ -169,6 +181,12 @@ fn nats(of: &Scatter<'_>, noise_bar: f64, spread_bar: &[f64]) -> f64 {
         })
         .sum()
 }
+
+/// Longest dead time that is tried [s], and about how many.
+const LATEST_S: f64 = 0.5;
+const SHIFTS: usize = 50;
+/// Share of the squared error that one shift takes of a dead time; of half a normal it takes 0.64.
+const ONE_SHIFT: f64 = 0.8;
 
 /// Share of the variance of the shifts that direction, pressure and slope of the movement explain.
 fn explained(shifts: &[(usize, f64)], slopes: &[f64], pressure_bar: &[f64], clip: impl Fn(f64) -> f64) -> f64 {

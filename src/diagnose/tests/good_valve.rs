@@ -206,3 +206,52 @@ fn the_recording_of_an_identification_that_failed_excuses_nothing() {
     let d = diagnose_against(&record, &model, std::slice::from_ref(&other)).unwrap().diagnosis;
     assert_eq!(d.verdict, Verdict::Match, "{}", d.summary);
 }
+
+#[test]
+fn spoilt_readings_far_larger_than_the_good_valve_has_are_a_change() {
+    let spoilt = |mut of: Recording, by_bar: f64| {
+        for (k, p) in of.runs[0].pressure_bar.iter_mut().flatten().enumerate() {
+            *p += if k % 97 == 50 { by_bar } else { 0.0 };
+        }
+        of
+    };
+    let good = [spoilt(another_drive(&valve()), 0.8)];
+    let claim = |by_bar: f64| {
+        let d = diagnose_against(&spoilt(recording(&valve()), by_bar), &valve(), &good).unwrap().diagnosis;
+        let finding = d.effects.iter().chain(&d.form).find(|f| f.id == "sensor_outliers").map(|f| f.claim);
+        finding.unwrap_or_else(|| panic!("{}", d.summary))
+    };
+    assert_eq!((claim(0.8), claim(4.0)), (Claim::Lacks, Claim::Changed));
+}
+
+#[test]
+fn what_has_changed_behind_a_few_steps_is_not_hidden_by_all_the_readings_at_rest() {
+    // A step every ten seconds, behind each of which the good valve rings as nothing in the model does.
+    let levels = [0.35, 0.6, 0.45, 0.7, 0.4, 0.55, 0.3, 0.65, 0.5];
+    let drive = |delay_s: f64, seed: u64| {
+        let mut of = valve();
+        of.delay_s += delay_s;
+        let time_s: Vec<f64> = (0..2 * levels.len() * 1000).map(|k| 0.01 * k as f64).collect();
+        let current_a: Vec<f64> = (0..time_s.len()).map(|k| levels[(k / 1000 + seed as usize) % levels.len()]).collect();
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+        let simulated = simulate(&of, Input::Held, &time_s, &current_a).unwrap();
+        let pressure = simulated.iter().enumerate().map(|(k, p)| {
+            let since_s = 0.01 * (k % 1000) as f64;
+            let phase = ((k / 1000) * 7 % 5) as f64;
+            p + 0.8 * (-since_s / 0.2).exp() * (20.0 * since_s + phase).sin() + normal.sample(&mut random)
+        });
+        let run = Run { pressure_bar: Some(pressure.collect()), time_s, current_a, ..Run::default() };
+        Recording { source: format!("{seed}.csv"), runs: vec![run], notes: vec![], input: None }
+    };
+    let good = [drive(0.0, 1)];
+    let found = |delay_s: f64| diagnose_against(&drive(delay_s, 4), &valve(), &good).unwrap().diagnosis;
+    let as_ever = found(0.0);
+    assert_eq!((as_ever.verdict, as_ever.effects.len()), (Verdict::Match, 0), "{}", as_ever.summary);
+    for delay_s in [0.06, 0.1] {
+        let late = found(delay_s);
+        let named = late.effects.iter().find(|f| f.id == "transport_delay" && f.claim == Claim::Changed);
+        let extra_s = named.unwrap_or_else(|| panic!("{}", late.summary)).parameters["extra"].value;
+        assert!((extra_s - delay_s).abs() < 0.01, "{}", late.summary);
+    }
+}
