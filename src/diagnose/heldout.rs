@@ -97,6 +97,14 @@ impl Fitter<'_> {
         Simulator::new(self.evidence).residual(&fit.model, &fit.theta, &self.measured, &mut residual);
         rms(&residual)
     }
+
+    /// How far the model may be off over all readings alike where nothing is wrong [bar].
+    pub fn plain_floor_bar(&self) -> f64 {
+        if self.weights.is_empty() {
+            return self.floor_bar;
+        }
+        self.floor_bar * rms(&self.weights.iter().map(|weight| weight.recip()).collect::<Vec<_>>())
+    }
 }
 
 /// Root mean square of what is finite.

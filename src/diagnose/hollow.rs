@@ -4,7 +4,7 @@
 //! alone. Such a name is worse than none, and the model with it is no better on another drive.
 
 use super::fit::{Fit, Fitter};
-use super::heldout::{carried_forward, held_out, rms};
+use super::heldout::{carried_forward, held_out};
 use super::model::Simulator;
 use super::scatter::Scattered;
 use super::search::Search;
@@ -98,11 +98,7 @@ pub fn explains(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> bool {
 /// The share that effects take of the plain squared error beyond what data of the good valve excuses: most of what is wrong may show
 /// where the model is to be trusted less, and be far more than it is off there.
 fn plainly(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> f64 {
-    let excused = if fitter.weights.is_empty() {
-        fitter.floor_bar
-    } else {
-        fitter.floor_bar * rms(&fitter.weights.iter().map(|weight| weight.recip()).collect::<Vec<_>>())
-    };
+    let excused = fitter.plain_floor_bar();
     let beyond = |fit: &Fit<'_>| fitter.plain_rmse_bar(fit).powi(2) - excused.powi(2);
     let before = beyond(null);
     if before > 0.1 * excused.powi(2) { (before - beyond(chosen)) / before } else { 0.0 }

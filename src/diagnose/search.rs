@@ -246,7 +246,11 @@ fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>])
         best = worthy.find(|r| r.effect.kind() == Kind::Course && gain(r) > CAUSE_FIRST * gain(best)).unwrap_or(best);
     }
     // What follows the record as well as the good valve's own data is followed needs no more: the rest repairs the form.
-    let follows = |r: &Ranked<'_>| fitter.against_good && r.fit.rmse_bar < fitter.criteria.structure_known * fitter.floor_bar;
+    let known = fitter.criteria.structure_known;
+    let follows = |r: &Ranked<'_>| {
+        let plainly = || fitter.plain_rmse_bar(&r.fit) < known * fitter.plain_floor_bar();
+        fitter.against_good && r.fit.rmse_bar < known * fitter.floor_bar && plainly()
+    };
     let is_as_good = |r: &Ranked<'_>| gain(r) > AS_GOOD * gain(best) || follows(r) && gain(r) > CAUSE_FIRST * gain(best);
     let as_good: Vec<&Ranked<'a>> =
         ranked.iter().filter(|r| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit)).collect();

@@ -6,7 +6,8 @@
 //! seed the mean course.
 //!
 //! Signature: the scatter of the error grows with |dP/dt| and is as small as the sensor noise in holds; the mean
-//! error stays small. Judged by likelihood, since no simulation can follow it.
+//! error stays small. Judged by likelihood, since no simulation can follow it. Where one shift of all movements takes four fifths
+//! of the error, that is a dead time and no jitter.
 //!
 //! What to check on the bench: time stamps of the messages on the bus, task priorities of the controller.
 //!
