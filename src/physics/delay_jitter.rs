@@ -317,4 +317,24 @@ mod tests {
         assert!(!found(|_, _| 0.02));
         assert!(!found(|_, _| 0.0));
     }
+
+    #[test]
+    fn steps_that_are_all_late_by_more_than_they_take_are_a_dead_time() {
+        // A step every four seconds, over within a tenth of one.
+        let at = |t: f64| {
+            let step = (t / 4.0).max(0.0) as usize;
+            let level = |j: usize| 5.0 + 3.0 * ((j * 7) % 5) as f64;
+            let before = if step == 0 { level(0) } else { level(step - 1) };
+            level(step) + (before - level(step)) * (-(t - 4.0 * step as f64) / 0.025).exp()
+        };
+        let time = |k: usize| 0.01 * k as f64;
+        let simulated: Vec<f64> = (0..8000).map(|k| at(time(k))).collect();
+        let noise = |k: usize| 0.03 * (((k * 7919) % 101) as f64 / 50.0 - 1.0);
+        let finds = |late: &dyn Fn(usize) -> f64| {
+            let measured: Vec<f64> = (0..8000).map(|k| at(time(k) - late(k / 400)) + noise(k)).collect();
+            DelayJitter.scatter(&Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar: &measured, simulated_bar: &simulated }).is_some()
+        };
+        assert!(!finds(&|_| 0.1));
+        assert!(finds(&|step| 0.02 * ((step * 5) % 7) as f64));
+    }
 }
