@@ -4,16 +4,15 @@ use super::base::BASE;
 use super::conclude::Findings;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Finding};
+use super::evidence::rms;
 use super::fit::Fit;
 use super::good::{Good, Price};
-use super::heldout::rms;
 use super::model::Simulator;
 use super::seen;
+use super::trust::Trust;
 use crate::physics::{Effect, Kind, effect};
 
-/// The same sensor on the same rig is not this much noisier from one recording to the next;
-const NOISIER: f64 = 2.0;
-/// and one that is this much quieter was simulated or smoothed, and says nothing of noise: a sensor whose noise has grown so much
+/// A recording that is this much quieter was simulated or smoothed, and says nothing of noise: a sensor whose noise has grown so much
 /// would not follow its pressure any more.
 const SMOOTHED: f64 = 30.0;
 
@@ -22,7 +21,7 @@ impl Findings<'_, '_> {
     /// between the samples, a loose contact or a worse sensor is what has changed, though a search had better not look into it.
     pub fn noise_bar(&self) -> f64 {
         let noise_bar = self.fitter.evidence.noise_bar;
-        let noisier = |known_bar: &f64| (NOISIER * known_bar..SMOOTHED * known_bar).contains(&noise_bar);
+        let noisier = |known_bar: &f64| (self.fitter.criteria.noisier * known_bar..SMOOTHED * known_bar).contains(&noise_bar);
         self.good.map(|good| good.evidence.noise_bar).filter(noisier).unwrap_or(noise_bar)
     }
 
@@ -64,41 +63,48 @@ impl Findings<'_, '_> {
         })
     }
 
+    /// What a simulated pressure is off the record, each reading as much as it weighs, in RMS [bar].
+    fn off_bar(&self, simulated_bar: &[f64]) -> f64 {
+        let mut residual = self.residual(simulated_bar);
+        self.fitter.weigh(&mut residual);
+        rms(&residual)
+    }
+
     /// How many times as far as data of the good valve excuses the record is off the model, as that data has it and without any refit:
     /// over all readings as they weigh, and in the class of movements where that is most.
     fn beyond(&self, good: &Good) -> (f64, f64) {
-        let (fitter, base) = (self.fitter, self.base);
-        let found = fitter.score(&mut Simulator::new(fitter.evidence), base, &base.calibrated(), &mut Vec::new());
-        let residual = self.residual(&self.simulated(&found));
-        (found.rmse_bar / fitter.floor_bar, good.trust.as_ref().map_or(0.0, |trust| trust.beyond(fitter.evidence, &residual)))
+        let fitter = self.fitter;
+        let mut simulated_bar = Vec::new();
+        Simulator::new(fitter.evidence).pressure(self.base, &self.base.calibrated(), &mut simulated_bar);
+        let in_class = |trust: &Trust| trust.beyond(fitter.evidence, &self.residual(&simulated_bar));
+        (self.off_bar(&simulated_bar) / fitter.floor_bar, good.trust.as_ref().map_or(0.0, in_class))
+    }
+
+    /// Whether that is more than a good valve is off from one drive to the next.
+    fn is_another_state(&self, (over_all, in_class): (f64, f64)) -> bool {
+        over_all >= self.fitter.criteria.structure_known || in_class > self.fitter.criteria.of_class
     }
 
     /// The data of the good valve, unless the record is no farther off the model, as that data has it and without any refit, than that
     /// data is: nothing has changed then.
     pub fn good_of_another_state(&self) -> Option<&Good> {
-        let criteria = &self.fitter.criteria;
-        self.good.filter(|good| {
-            let (over_all, in_class) = self.beyond(good);
-            over_all >= criteria.structure_known || in_class > criteria.of_class
-        })
+        self.good.filter(|good| self.is_another_state(self.beyond(good)))
     }
 
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
-    /// it, or that there are few such readings: the valve does not stand then as it did. Data that does not vouch for the model says so only of what is far off.
-    /// `base_bar`, `refit_bar`: the pressure of the model as given and recalibrated.
+    /// it, or that there are few such readings: the valve does not stand then as it did. Data that does not vouch for the model says so
+    /// only of what is far off. `base_bar`, `refit_bar`: the pressure of the model as given and recalibrated.
     pub fn stands_apart(&self, base_bar: &[f64], refit_bar: &[f64]) -> bool {
+        let Some(good) = self.good else { return false };
         let criteria = &self.fitter.criteria;
-        let off = |simulated_bar: &[f64]| {
-            let mut residual = self.residual(simulated_bar);
-            self.fitter.weigh(&mut residual);
-            rms(&residual)
+        let (over_all, in_class) = self.beyond(good);
+        let hides = || {
+            let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
+            self.off_bar(corrected.as_deref().unwrap_or(base_bar)) > criteria.structure_named * self.off_bar(refit_bar)
         };
-        let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
-        let hides = || off(corrected.as_deref().unwrap_or(base_bar)) > criteria.structure_named * off(refit_bar);
-        self.good_of_another_state().is_some_and(|good| {
-            let (over_all, in_class) = self.beyond(good);
-            (!good.is_denied() || over_all > criteria.structure) && (in_class > criteria.of_class || hides())
-        })
+        self.is_another_state((over_all, in_class))
+            && (!good.is_denied() || over_all > criteria.structure)
+            && (in_class > criteria.of_class || hides())
     }
 
     /// Whether most of what the chosen model gains over `without`, by an effect on the form of the loop or another one, lies behind

@@ -60,6 +60,9 @@ pub struct Criteria {
     /// The same for one class of movements alone, which holds fewer readings: healthy valves of our own, as a whole no farther off than
     /// they were, reached 1.5 in their worst class.
     pub of_class: f64,
+    /// The same sensor on the same rig is not this many times as noisy from one recording to the next, nor does it scatter so much more
+    /// in another way.
+    pub noisier: f64,
     /// The share of the record's rates that reference data must reach to speak for the model's dynamics.
     pub excites: f64,
     /// The share of a movement's rate that its fastest one must reach to exclude what shows after such movements only: a dynamic
@@ -94,6 +97,7 @@ impl Default for Criteria {
             structure_named: 1.4,
             structure_known: 1.3,
             of_class: 2.0,
+            noisier: 2.0,
             excites: 0.3,
             reaches: 0.5,
         }

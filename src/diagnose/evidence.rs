@@ -158,6 +158,12 @@ impl Evidence {
     }
 }
 
+/// Root mean square of what is finite.
+pub fn rms(values: &[f64]) -> f64 {
+    let (sum, n) = values.iter().filter(|e| e.is_finite()).fold((0.0, 0usize), |(s, n), e| (s + e * e, n + 1));
+    (sum / n.max(1) as f64).sqrt()
+}
+
 /// What the tests of several files look at: a valve of one straight line, and runs of it.
 #[cfg(test)]
 pub mod tests {

@@ -67,12 +67,9 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) ->
 /// forget where it stood in its loop, however long the lead-in.
 fn mask(short: &mut Evidence, base: &Model<'_>) {
     let unsettled = unsettled(short, base);
-    let mut begin = 0;
-    for grid in &mut short.grids {
-        let samples = grid.len();
-        let of_grid = unsettled.iter().filter(|k| (begin..begin + samples).contains(*k));
-        of_grid.for_each(|k| grid.pressure_bar[k - begin] = f64::NAN);
-        begin += samples;
+    let mut readings: Vec<&mut f64> = short.grids.iter_mut().flat_map(|grid| &mut grid.pressure_bar).collect();
+    for k in unsettled {
+        *readings[k] = f64::NAN;
     }
 }
 

@@ -8,11 +8,10 @@ use super::criteria::Criteria;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
 use super::error::DiagnoseError;
-use super::evidence::Evidence;
+use super::evidence::{Evidence, rms};
 use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
 use super::foreign::Foreign;
-use super::heldout::rms;
 use super::model::{Model, Simulator};
 use super::scatter::{Scattered, scatter};
 use super::search::{recalibrated, search_in};
@@ -211,7 +210,8 @@ impl Good {
 
     /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.
     pub fn scatters(&self, effect: &dyn Effect, theta: &[f64]) -> bool {
-        let is_no_larger = |known: &[f64]| theta.iter().zip(known).all(|(here, there)| here.abs() <= FAR * there.abs());
+        let noisier = Criteria::default().noisier;
+        let is_no_larger = |known: &[f64]| theta.iter().zip(known).all(|(here, there)| here.abs() <= noisier * there.abs());
         if self.scatter.iter().any(|(id, known)| *id == effect.id() && is_no_larger(known)) {
             return true;
         }
@@ -285,8 +285,6 @@ fn worst(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
     runs.fold(0.0, f64::max)
 }
 
-/// Scatter that is this many times what the good valve shows is another one.
-const FAR: f64 = 2.0;
 /// From this share of readings that are the same as the one before on, a recording shows less noise than its sensor has.
 const REPEATS: f64 = 0.1;
 /// Values that are tried between what the record wants and what data of the good valve wants: shares of the way.

@@ -6,6 +6,7 @@
 use rand::{RngExt, SeedableRng};
 
 use super::base::AT;
+use super::evidence::rms;
 use super::fit::{Fit, Fitter};
 use super::model::Simulator;
 
@@ -105,12 +106,6 @@ impl Fitter<'_> {
         }
         self.floor_bar * rms(&self.weights.iter().map(|weight| weight.recip()).collect::<Vec<_>>())
     }
-}
-
-/// Root mean square of what is finite.
-pub fn rms(values: &[f64]) -> f64 {
-    let (sum, n) = values.iter().filter(|e| e.is_finite()).fold((0.0, 0usize), |(s, n), e| (s + e * e, n + 1));
-    (sum / n.max(1) as f64).sqrt()
 }
 
 /// The number of the block that each sample lies in.

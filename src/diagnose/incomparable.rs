@@ -2,8 +2,7 @@
 
 use super::base::AT;
 use super::diagnosis::{Curves, Diagnosed, Diagnosis, Errors, SCHEMA, Verdict};
-use super::evidence::Evidence;
-use super::heldout::rms;
+use super::evidence::{Evidence, rms};
 use super::locate::locate;
 use super::mistake::Mistake;
 use super::model::{Model, Simulator};

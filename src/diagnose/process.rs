@@ -7,8 +7,7 @@ use std::collections::BTreeMap;
 
 use super::criteria::Criteria;
 use super::diagnosis::{Candidate, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, Remainder, SCHEMA, Verdict};
-use super::evidence::Evidence;
-use super::heldout::rms;
+use super::evidence::{Evidence, rms};
 use super::locate::locate;
 use super::model::{Model, Simulator};
 use crate::course::Input;

@@ -3,8 +3,7 @@
 use rand::{RngExt, SeedableRng};
 
 use super::diagnosis::Remainder;
-use super::evidence::Evidence;
-use super::heldout::rms;
+use super::evidence::{Evidence, rms};
 use super::locate::{bins, locate, variables};
 
 /// Bins of the conditional mean.

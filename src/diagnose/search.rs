@@ -16,7 +16,8 @@ use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 const AS_GOOD: f64 = 0.985;
 /// A difference of BIC that says nothing.
 const TIE: f64 = 1.0;
-/// Share of the gain of a free form from which on a cause goes before it.
+/// Share of the gain of a free form from which on a cause goes before it, and of the best cause from which on a plainer one does that
+/// follows the record.
 pub const CAUSE_FIRST: f64 = 0.5;
 /// Bounds on how many samples count as one.
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
@@ -251,7 +252,7 @@ fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>])
         let plainly = || fitter.plain_rmse_bar(&r.fit) < known * fitter.plain_floor_bar();
         fitter.against_good && r.fit.rmse_bar < known * fitter.floor_bar && plainly()
     };
-    let is_as_good = |r: &Ranked<'_>| gain(r) > AS_GOOD * gain(best) || follows(r) && gain(r) > CAUSE_FIRST * gain(best);
+    let is_as_good = |r: &Ranked<'_>| gain(r) > AS_GOOD * gain(best) || gain(r) > CAUSE_FIRST * gain(best) && follows(r);
     let as_good: Vec<&Ranked<'a>> =
         ranked.iter().filter(|r| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit)).collect();
     let fewest = as_good.iter().map(|r| r.fit.model.extra_parameters()).min()?;

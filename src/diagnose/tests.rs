@@ -281,7 +281,7 @@ fn where_most_of_the_error_lies_elsewhere_spoilt_readings_are_a_cause_only_where
         let run = &mut of.runs[0];
         let readings = run.pressure_bar.iter_mut().flatten().zip(&run.time_s).enumerate();
         for (k, (p, t)) in readings {
-            let place = (k + 650 - 700 % 650) % 650;
+            let place = (k + 600) % 650;
             *p += if k >= 700 && place < in_a_row { 3.0 + 0.8 * place as f64 } else { 0.0 };
             // Knocks from outside that ring out, at times of their own.
             let knocks = [3.1, 9.7, 14.2, 22.9, 27.3, 36.8, 41.1, 49.6, 55.4];

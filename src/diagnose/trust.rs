@@ -5,7 +5,9 @@
 //! but one for each liveliness, and a record's error weighs by it: a fault that shows at rest is not excused by what the model lacks in
 //! movement, and what it lacks in movement is not taken for a fault.
 
-use super::evidence::Evidence;
+use std::ops::Range;
+
+use super::evidence::{Evidence, rms};
 use crate::course::Run;
 use crate::valve::Valve;
 
@@ -38,22 +40,15 @@ impl Trust {
         let moved = movements(valve, evidence);
         let liveliest = moved.iter().copied().fold(0.0, f64::max);
         let mut classes: Vec<(f64, f64)> = Vec::new();
-        let (mut squares, mut count) = (0.0, 0usize);
-        let (mut from, mut begin) = (0.0, 0.0);
+        let mut begin = 0.0;
         for octave in (0..MOST).rev() {
             // The quietest class begins at rest, and the liveliest has no end.
             let to = if octave == 0 { f64::INFINITY } else { liveliest * APART.powi(-octave) };
-            for (_, e) in moved.iter().zip(residual).filter(|(m, e)| e.is_finite() && (from..to).contains(*m)) {
-                squares += e * e;
-                count += 1;
-            }
-            if count >= fewest(evidence) {
-                let error = f64::sqrt(squares / count as f64);
+            if let Some(error) = of_class(evidence, &moved, residual, begin..to) {
                 let floor = classes.last().map_or(0.0, |c| c.1);
                 classes.push((begin, error.max(floor)));
-                (squares, count, begin) = (0.0, 0, to);
+                begin = to;
             }
-            from = to;
         }
         let grows = classes.first().zip(classes.last()).is_some_and(|(quiet, lively)| quiet.1 > 0.0 && lively.1 > GROWS * quiet.1);
         grows.then(|| Self { valve: valve.clone(), classes })
@@ -71,17 +66,16 @@ impl Trust {
     pub fn beyond(&self, evidence: &Evidence, residual: &[f64]) -> f64 {
         let moved = movements(&self.valve, evidence);
         let ends = self.classes.iter().skip(1).map(|c| c.0).chain([f64::INFINITY]);
-        let ratio = |((from, error), to): (&(f64, f64), f64)| {
-            let of_class = moved.iter().zip(residual).filter(|(m, e)| e.is_finite() && (*from..to).contains(*m));
-            let (squares, count) = of_class.fold((0.0, 0usize), |(sum, count), (_, e)| (sum + e * e, count + 1));
-            if count < fewest(evidence) { 0.0 } else { f64::sqrt(squares / count as f64) / error }
-        };
-        self.classes.iter().zip(ends).map(ratio).fold(0.0, f64::max)
+        let ratio = |((from, error), to): (&(f64, f64), f64)| of_class(evidence, &moved, residual, *from..to).map(|off| off / error);
+        self.classes.iter().zip(ends).filter_map(ratio).fold(0.0, f64::max)
     }
 }
 
-fn fewest(evidence: &Evidence) -> usize {
-    FEWEST.max((FEWEST_S / evidence.step_s()) as usize)
+/// RMS of the residual where the pressure has moved so far [bar]; nothing where there are too few readings.
+fn of_class(evidence: &Evidence, moved: &[f64], residual: &[f64], class: Range<f64>) -> Option<f64> {
+    let readings: Vec<f64> = moved.iter().zip(residual).filter(|(m, e)| e.is_finite() && class.contains(m)).map(|r| *r.1).collect();
+    let fewest = FEWEST.max((FEWEST_S / evidence.step_s()) as usize);
+    (readings.len() >= fewest).then(|| rms(&readings))
 }
 
 /// By how much the current has lately moved the pressure, at each sample of all runs [bar].
