@@ -83,6 +83,12 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
         }
         believed
     };
+    // And valves of it whose error stands apart from all others have what the group has, however it was named there.
+    let off = |has: &[bool], members: &[usize]| -> Vec<bool> {
+        let mut off = has.to_vec();
+        members.iter().for_each(|m| off[*m] |= standing.is_off(rows[*m]));
+        off
+    };
     let mut tried: Vec<FleetFinding> = Vec::new();
     for (what, (has, or)) in compared() {
         let mut comparison = Comparison::new(has, &strata, &numbers);
@@ -97,7 +103,9 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
                 inside,
                 outside,
                 p_value: p_value * comparisons,
-                onset: [believed(what, or, has, members), has.clone()].iter().find_map(|has| onset(&columns, &numbers, has, members)),
+                onset: [believed(what, or, has, members), has.clone(), off(has, members)]
+                    .iter()
+                    .find_map(|has| onset(&columns, &numbers, has, members)),
             });
             comparison.set_aside(members);
         }
@@ -383,6 +391,24 @@ mod tests {
         let told = found(&rows);
         let onset = told[0].onset.as_ref().unwrap();
         assert_eq!((onset.before.0, onset.after), (0, (6, 6)), "{onset:?}");
+    }
+
+    #[test]
+    fn a_valve_of_the_group_that_is_as_far_off_has_it_by_another_name() {
+        let mut rows = fleet(true);
+        for (k, row) in rows.iter_mut().enumerate() {
+            let is_bad = row.effects.iter().any(|e| e.id == "leakage");
+            row.rmse_bar.insert("base".into(), if is_bad { 0.9 } else { 0.1 + 0.01 * (k % 5) as f64 });
+        }
+        // Every other one of them is named otherwise.
+        for (k, row) in rows.iter_mut().filter(|r| r.effects.iter().any(|e| e.id == "leakage")).enumerate() {
+            if k % 2 == 0 {
+                row.effects[0].id = "creep".into();
+            }
+        }
+        let told = found(&rows);
+        let onset = told[0].onset.as_ref().unwrap();
+        assert_eq!((told[0].what.as_str(), onset.before.0, onset.after), ("leakage", 0, (6, 6)), "{onset:?}");
     }
 
     #[test]

@@ -96,10 +96,15 @@ impl Standing {
         self.lacking.get(model).is_some_and(|ids| ids.contains(id))
     }
 
+    /// Whether the error as given of a row stands apart from that of the other valves of its model.
+    pub fn is_off(&self, row: &Row) -> bool {
+        self.off.get(&row.id).is_some_and(|apart| *apart > OFF)
+    }
+
     /// The effects that count against the valve of a row.
     pub fn causes<'r>(&'r self, row: &'r Row) -> impl Iterator<Item = &'r RowEffect> {
         let model = row.model_key();
-        let is_off = self.off.get(&row.id).is_some_and(|apart| *apart > OFF);
+        let is_off = self.is_off(row);
         let own = row.effects.iter().filter(move |e| !e.is_lack() || is_off && !self.is_lacking(model, &e.id));
         own.chain(self.apart.get(&row.id).into_iter().flatten())
     }
