@@ -15,7 +15,8 @@
 use super::block::{Block, Dynamic, Point, Step};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::first_order_lag::LINEAR;
-use super::flow::{Flow, RESOLUTION_BAR};
+use super::flow::{Flow, RESOLUTION_BAR, gone};
+use super::power::Power;
 use crate::units::{RATIO, TIME};
 
 /// The effect `air_entrainment`.
@@ -75,33 +76,20 @@ impl Effect for AirEntrainment {
 const TOLERANCE_BAR: f64 = 0.01;
 /// Most halvings.
 const HALVINGS: u32 = 10;
-/// The softness is tabulated up to this pressure [bar],
-const TABLE_BAR: usize = 64;
-/// at so many places per bar.
-const PER_BAR: usize = 16;
-
 /// How many time constants a sample lasts, over the pressure.
 struct Softness {
     ratio: f64,
-    exponent: f64,
-    table: Vec<f64>,
+    power: Power,
 }
 
 impl Softness {
     fn new(ratio: f64, exponent: f64) -> Self {
-        let steps = |pressure_bar: f64| ratio * ((pressure_bar + 1.0) / 6.0).powf(exponent);
-        let table = (0..=TABLE_BAR * PER_BAR).map(|k| steps(k as f64 / PER_BAR as f64)).collect();
-        Self { ratio, exponent, table }
+        Self { ratio, power: Power::new(exponent) }
     }
     /// Samples over the time constant at this pressure [bar].
     #[inline]
     fn steps(&self, pressure_bar: f64) -> f64 {
-        let place = pressure_bar.max(0.0) * PER_BAR as f64;
-        let k = place as usize;
-        match self.table.get(k..k + 2) {
-            Some(pair) => pair[0] + (pair[1] - pair[0]) * (place - k as f64),
-            None => self.ratio * ((pressure_bar + 1.0) / 6.0).powf(self.exponent),
-        }
+        self.ratio * self.power.of((pressure_bar.max(0.0) + 1.0) / 6.0)
     }
 }
 
@@ -123,7 +111,7 @@ impl Soft {
                 (end, sum / steps)
             }
             None => {
-                let gone = -(-steps).exp_m1();
+                let gone = gone(steps);
                 let away = output - target;
                 (output - away * gone, if steps > 1e-9 { away * gone / steps } else { away })
             }
@@ -133,12 +121,14 @@ impl Soft {
     /// The pressure after `share` of a step towards `target`, and the integral of its distance from it.
     fn towards(&self, target: f64, output: f64, share: f64, halvings: u32) -> (f64, f64) {
         let begin = self.softness.steps(output);
-        let rough = self.frozen(target, output, share * begin);
-        // With the softness half-way: of second order, and the difference says how much there is to correct.
+        // With the softness half-way: of second order, and what it changes says how much there is to correct.
         let (half, _) = self.frozen(target, output, 0.5 * share * begin);
         let middle = self.softness.steps(half);
         let fine = self.frozen(target, output, share * middle);
-        if (fine.0 - rough.0).abs() < TOLERANCE_BAR || halvings == 0 {
+        let at_most = |change: f64| change.abs() < TOLERANCE_BAR;
+        // Through a laminar restrictor at most as much of the distance as the time constants differ.
+        let is_near = self.flow.is_none() && at_most((target - output) * share * (middle - begin));
+        if is_near || halvings == 0 || at_most(fine.0 - self.frozen(target, output, share * begin).0) {
             return (fine.0, share * fine.1);
         }
         let first = self.towards(target, output, 0.5 * share, halvings - 1);

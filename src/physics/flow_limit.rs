@@ -14,6 +14,7 @@
 
 use super::block::{Block, Dynamic, Point, Step};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
+use super::power::Power;
 use crate::units::{PRESSURE_RATE, RATIO};
 
 /// The effect `flow_limit`.
@@ -70,7 +71,7 @@ impl Effect for FlowLimit {
         Block::dynamic(Limit {
             rise: theta[0] * context.dt_s,
             fall: theta[1] * context.dt_s,
-            shape,
+            shape: (shape > 0.0).then(|| (shape, Power::new(shape))),
             supply_bar,
             free,
             left: context.arrival.left(),
@@ -84,11 +85,15 @@ const LEAST_SHARE: f64 = 0.02;
 /// Parts of a step in which the limited pressure may catch up with its target.
 const PARTS: f64 = 16.0;
 
+/// Share of what drives that a time may take away for its rate to be taken half-way, which is exact to a thousandth then.
+const SHORT: f64 = 0.08;
+
 struct Limit {
     /// Fastest rise and fall [bar per step].
     rise: f64,
     fall: f64,
-    shape: f64,
+    /// `None` of a constant limit.
+    shape: Option<(f64, Power)>,
     supply_bar: f64,
     /// A change per step at which neither limit binds at any pressure [bar].
     free: f64,
@@ -109,14 +114,16 @@ impl Limit {
         };
         let way = (target - output).abs();
         let direction = if up { 1.0 } else { -1.0 };
-        let (reach, needed) = if self.shape == 0.0 {
-            (rate * share, way / rate)
-        } else {
-            let slope = per_bar.abs();
-            let drives = Drives { shape: self.shape, drive, pace: rate * slope };
-            (drives.lost(share) / slope, drives.time(way * slope))
+        let (reach, needed) = match &self.shape {
+            None => (rate * share, way / rate),
+            Some((shape, power)) => {
+                let slope = per_bar.abs();
+                let drives = Drives { shape: *shape, drive, pace: rate * slope };
+                let (lost, needed) = drives.short(power, share, way * slope).unwrap_or_else(|| drives.long(share, way * slope));
+                (lost / slope, needed)
+            }
         };
-        if reach >= way {
+        if reach >= way || needed <= share {
             let time = needed.min(share);
             return (target, 0.5 * time * (output + target) + (share - time) * target);
         }
@@ -139,6 +146,24 @@ impl Drives {
     }
     fn inverse(&self, primitive: f64) -> f64 {
         if self.shape > 0.999 { primitive.exp() } else { (primitive * (1.0 - self.shape)).max(0.0).powf(1.0 / (1.0 - self.shape)) }
+    }
+    /// What is lost after a time, and the time after which so much is lost, infinity where that takes longer: with the rate half-way,
+    /// where it hardly changes.
+    #[inline]
+    fn short(&self, power: &Power, time: f64, lost: f64) -> Option<(f64, f64)> {
+        // The rate falls on the way.
+        let most = self.pace * time * power.of(self.drive.max(LEAST_SHARE));
+        if self.drive - most < LEAST_SHARE || most > SHORT * self.drive {
+            return None;
+        }
+        let rate_at = |gone: f64| self.pace * power.of(self.drive - gone);
+        let needed = if lost > most { f64::INFINITY } else { lost / rate_at(0.5 * lost) };
+        let lost = if needed <= time { lost } else { (time * rate_at(0.5 * most)).min(lost) };
+        Some((lost, needed))
+    }
+    /// The same exactly.
+    fn long(&self, time: f64, lost: f64) -> (f64, f64) {
+        (self.lost(time), self.time(lost))
     }
     /// How much of it is lost after a time.
     fn lost(&self, time: f64) -> f64 {
@@ -181,5 +206,28 @@ impl Dynamic for Limit {
             mean += sum;
         });
         Step { to: self.output, mean, jump: 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_short_way_with_the_rate_half_way_is_the_exact_one() {
+        for shape in [0.1, 0.5, 0.8, 1.0] {
+            let power = Power::new(shape);
+            for (drive, pace) in [(0.1, 0.02), (0.5, 0.03), (1.0, 0.06), (3.0, 0.01)] {
+                let drives = Drives { shape, drive, pace };
+                let way = 0.7 * pace * f64::powf(drive, shape);
+                for (time, lost) in [(1.0, 10.0), (1.0, way), (0.4, 0.1 * way)] {
+                    let (Some(short), long) = (drives.short(&power, time, lost), drives.long(time, lost)) else { continue };
+                    let is_near = |a: f64, b: f64| (a - b).abs() < 1e-3 * b;
+                    assert!(is_near(short.0, long.0.min(lost)), "{shape} {drive}: {short:?} for {long:?}");
+                    assert!(short.1 > time && long.1 > time || is_near(short.1, long.1), "{shape} {drive}: {short:?} for {long:?}");
+                }
+            }
+            assert!(Drives { shape, drive: 0.5, pace: 0.5 }.short(&power, 1.0, 0.1).is_none(), "too far for it");
+        }
     }
 }

@@ -1,28 +1,60 @@
 //! x^m for one exponent and many x: a table of the mantissa's powers, and of the powers of two.
 
+use std::cell::RefCell;
+use std::sync::Arc;
+
 /// Steps of the mantissa between 1 and 2.
 const STEPS: usize = 512;
 /// Powers of two of the table: from 2^-60 to 2^60.
 const TWOS: i32 = 60;
 /// Largest exponent for which the table is exact to 1e-5.
 const MOST: f64 = 6.0;
+/// Tables that a thread keeps: a fit moves the other parameters more often than an exponent.
+const KEPT: usize = 8;
 
 /// The power function of one exponent, exact to 1e-5 of its value.
 #[derive(Debug, Clone)]
 pub(super) struct Power {
     exponent: f64,
-    mantissa: Box<[f64; STEPS + 1]>,
-    twos: Box<[f64; 2 * TWOS as usize + 1]>,
+    table: Arc<Table>,
+}
+
+#[derive(Debug)]
+struct Table {
+    mantissa: [f64; STEPS + 1],
+    twos: [f64; 2 * TWOS as usize + 1],
+}
+
+impl Table {
+    fn new(exponent: f64) -> Self {
+        Self {
+            mantissa: std::array::from_fn(|k| (1.0 + k as f64 / STEPS as f64).powf(exponent)),
+            twos: std::array::from_fn(|k| (exponent * (k as f64 - f64::from(TWOS))).exp2()),
+        }
+    }
+}
+
+thread_local! {
+    /// The tables made last, the latest at the end.
+    static TABLES: RefCell<Vec<(u64, Arc<Table>)>> = const { RefCell::new(Vec::new()) };
 }
 
 impl Power {
     /// For x^`exponent`.
     pub fn new(exponent: f64) -> Self {
-        Self {
-            exponent,
-            mantissa: Box::new(std::array::from_fn(|k| (1.0 + k as f64 / STEPS as f64).powf(exponent))),
-            twos: Box::new(std::array::from_fn(|k| (exponent * (k as f64 - f64::from(TWOS))).exp2())),
-        }
+        let key = exponent.to_bits();
+        let table = TABLES.with_borrow_mut(|kept| {
+            let table = match kept.iter().position(|(bits, _)| *bits == key) {
+                Some(at) => kept.remove(at).1,
+                None => Arc::new(Table::new(exponent)),
+            };
+            if kept.len() >= KEPT {
+                kept.remove(0);
+            }
+            kept.push((key, table.clone()));
+            table
+        });
+        Self { exponent, table }
     }
 
     /// `x` to the exponent, for `x` >= 0.
@@ -36,8 +68,8 @@ impl Power {
         let part = f64::from_bits(bits & 0x000f_ffff_ffff_ffff | 0x3ff0_0000_0000_0000) - 1.0;
         let place = part * STEPS as f64;
         let k = place as usize;
-        let (low, high) = (self.mantissa[k], self.mantissa[k + 1]);
-        (low + (high - low) * (place - k as f64)) * self.twos[(twos + TWOS) as usize]
+        let (low, high) = (self.table.mantissa[k], self.table.mantissa[k + 1]);
+        (low + (high - low) * (place - k as f64)) * self.table.twos[(twos + TWOS) as usize]
     }
 }
 
