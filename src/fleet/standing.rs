@@ -38,8 +38,8 @@ pub const LOOK: &str = "unknown, ";
 pub struct Standing {
     /// Effects and corrections of form that a model lacks, by the model's digest.
     lacking: BTreeMap<String, BTreeSet<String>>,
-    /// By how many standard deviations the error as given of a valve stands apart from that of the other valves of the model, by the
-    /// row's id; of models of too few valves nothing.
+    /// By how many standard deviations the error of a valve, as given or recalibrated, stands apart from that of the other valves of
+    /// the model, by the row's id; of models of too few valves nothing.
     off: BTreeMap<String, f64>,
     /// What stands apart from the other valves of the model beside the effects, by the row's id.
     apart: BTreeMap<String, Vec<RowEffect>>,
@@ -67,9 +67,13 @@ impl Standing {
 
     /// Notes which of the valves of one model stand apart by a new gain or zero, or by an error that a correction of form takes away.
     fn set_apart(&mut self, model: &str, rows: &[&Row]) {
-        let ln_error = |r: &&Row| r.rmse_bar.get("base").map_or(f64::NAN, |e| e.ln());
+        let off_by = |key: &str| {
+            let ln_error = |r: &&Row| r.rmse_bar.get(key).map_or(f64::NAN, |e| e.ln());
+            apart(&rows.iter().map(ln_error).collect::<Vec<f64>>(), LEAST_RATIO.ln())
+        };
         let changed = |id: &str| RowEffect { id: id.to_owned(), claim: Some("changed".to_owned()), ..RowEffect::default() };
-        let off = apart(&rows.iter().map(ln_error).collect::<Vec<f64>>(), LEAST_RATIO.ln());
+        // Where the model's own zero is off for all of them, only the recalibrated error tells one from another.
+        let off: Vec<f64> = off_by("base").into_iter().zip(off_by("refit_heldout")).map(|(given, refit)| given.max(refit)).collect();
         self.off.extend(rows.iter().zip(&off).map(|(row, apart)| (row.id.clone(), *apart)));
         for (row, _) in rows.iter().zip(off).filter(|(_, apart)| *apart > OFF) {
             let own: Vec<RowEffect> = row.form.iter().filter(|id| !self.is_lacking(model, id)).map(|id| changed(id)).collect();
@@ -96,7 +100,7 @@ impl Standing {
         self.lacking.get(model).is_some_and(|ids| ids.contains(id))
     }
 
-    /// Whether the error as given of a row stands apart from that of the other valves of its model.
+    /// Whether the error of a row stands apart from that of the other valves of its model.
     pub fn is_off(&self, row: &Row) -> bool {
         self.off.get(&row.id).is_some_and(|apart| *apart > OFF)
     }
@@ -181,6 +185,20 @@ mod tests {
         // Of two valves nothing can be said.
         let two = [showing(0, Some("leakage")), showing(1, None)];
         assert!(!Standing::of(&two).is_faulty(&two[0]));
+    }
+
+    #[test]
+    fn where_all_are_off_by_the_models_zero_the_recalibrated_error_tells() {
+        let mut rows: Vec<Row> = (0..20).map(|k| showing(k, (k < 3).then_some("leakage"))).collect();
+        for (k, row) in rows.iter_mut().enumerate() {
+            row.rmse_bar.insert("base".into(), 2.0 + 0.05 * (k % 5) as f64);
+        }
+        assert!(!Standing::of(&rows).is_faulty(&rows[0]));
+        for (k, row) in rows.iter_mut().enumerate() {
+            row.rmse_bar.insert("refit_heldout".into(), if k < 3 { 0.6 } else { 0.1 + 0.01 * (k % 5) as f64 });
+        }
+        let standing = Standing::of(&rows);
+        assert_eq!(rows.iter().filter(|r| standing.is_faulty(r)).count(), 3);
     }
 
     #[test]
