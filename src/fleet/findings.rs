@@ -74,23 +74,20 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
     // How an unknown rest looks is no matter of groups: that one is there is compared.
     let compared = || all.iter().filter(|(what, _)| !what.starts_with(LOOK));
     let comparisons = (groups.iter().map(|g| g.1.len()).sum::<usize>() * compared().count()) as f64;
-    // In a group that stands out, the name alone says which of its valves have it: the error of some is no larger than that of others.
-    let believed = |what: &String, or: &[&String], has: &[bool], members: &[usize]| -> Vec<bool> {
-        let mut believed = has.to_vec();
-        for m in members {
-            let names = standing.named(rows[*m]);
-            believed[*m] |= names.contains(what) || or.iter().any(|w| names.contains(*w));
-        }
-        believed
-    };
-    // And valves of it whose error stands apart from all others have what the group has, however it was named there.
-    let off = |has: &[bool], members: &[usize]| -> Vec<bool> {
-        let mut off = has.to_vec();
-        members.iter().for_each(|m| off[*m] |= standing.is_off(rows[*m]));
-        off
+    let with = |has: &[bool], members: &[usize], also: &dyn Fn(&Row) -> bool| -> Vec<bool> {
+        let mut with = has.to_vec();
+        members.iter().for_each(|m| with[*m] |= also(rows[*m]));
+        with
     };
     let mut tried: Vec<FleetFinding> = Vec::new();
     for (what, (has, or)) in compared() {
+        // In a group that stands out, the name alone says which of its valves have it: the error of some is no larger than that of others.
+        let is_named = |row: &Row| {
+            let names = standing.named(row);
+            names.contains(*what) || or.iter().any(|w| names.contains(*w))
+        };
+        // And valves of it whose error stands apart from all others have what the group has, however it was named there.
+        let is_off = |row: &Row| standing.is_off(row);
         let mut comparison = Comparison::new(has, &strata, &numbers);
         while let Some((column, group, members, StandsOut { inside, outside, p_value })) = surest(&groups, &comparison)
             && p_value * comparisons < LEVEL
@@ -103,7 +100,7 @@ pub fn findings(rows: &[Row], standing: &Standing) -> Vec<FleetFinding> {
                 inside,
                 outside,
                 p_value: p_value * comparisons,
-                onset: [believed(what, or, has, members), has.clone(), off(has, members)]
+                onset: [with(has, members, &is_named), has.clone(), with(has, members, &is_off)]
                     .iter()
                     .find_map(|has| onset(&columns, &numbers, has, members)),
             });

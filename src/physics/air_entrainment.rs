@@ -76,6 +76,7 @@ impl Effect for AirEntrainment {
 const TOLERANCE_BAR: f64 = 0.01;
 /// Most halvings.
 const HALVINGS: u32 = 10;
+
 /// How many time constants a sample lasts, over the pressure.
 struct Softness {
     ratio: f64,
