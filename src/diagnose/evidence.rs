@@ -109,13 +109,11 @@ impl Evidence {
 
     /// The longest run, and where it stands among the samples of all runs.
     pub fn longest(&self) -> (std::ops::Range<usize>, &Run) {
-        let mut end = 0;
-        let placed = self.grids.iter().map(|run| {
-            let begin = end;
-            end += run.len();
-            (begin..end, run)
-        });
-        placed.reduce(|best, next| if next.0.len() > best.0.len() { next } else { best }).expect("a course holds at least one run")
+        self.runs()
+            .into_iter()
+            .zip(&self.grids)
+            .reduce(|best, next| if next.0.len() > best.0.len() { next } else { best })
+            .expect("a course holds at least one run")
     }
 
     /// What stands for each sample of all runs, parted into those runs that have the step of the longest; each with its time on the
@@ -150,6 +148,22 @@ impl Evidence {
     pub fn repeats(&self) -> f64 {
         let pairs = || self.grids.iter().flat_map(|g| g.pressure_bar.windows(2)).filter(|w| w[0].is_finite() && w[1].is_finite());
         pairs().filter(|w| w[0] == w[1]).count() as f64 / pairs().count().max(1) as f64
+    }
+
+    /// The currents of all runs, one after the other.
+    pub fn current_a(&self) -> Vec<f64> {
+        self.grids.iter().flat_map(|g| g.current_a.iter().copied()).collect()
+    }
+
+    /// Where each run stands among the samples of all.
+    pub fn runs(&self) -> Vec<std::ops::Range<usize>> {
+        let mut end = 0;
+        let placed = self.grids.iter().map(|run| {
+            let begin = end;
+            end += run.len();
+            begin..end
+        });
+        placed.collect()
     }
 
     /// The measured pressures of all runs, one after the other.

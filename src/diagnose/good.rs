@@ -216,13 +216,18 @@ impl Good {
             return true;
         }
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return false };
-        let mut simulated = Vec::new();
-        Simulator::new(&self.evidence).pressure(&base, &base.calibrated(), &mut simulated);
+        let (mut simulated, calibrated) = (Vec::new(), base.calibrated());
+        Simulator::new(&self.evidence).pressure(&base, &calibrated, &mut simulated);
+        let (current_a, runs) = (self.evidence.current_a(), self.evidence.runs());
         let look = Scatter {
             dt_s: self.evidence.step_s(),
             noise_bar: self.evidence.noise_bar,
             measured_bar: &self.measured,
             simulated_bar: &simulated,
+            current_a: &current_a,
+            runs: &runs,
+            delay_s: calibrated[AT.late],
+            lag_s: calibrated[AT.lag],
         };
         effect.scatter_nats(theta, &look).is_some_and(|nats| nats > 0.0)
     }

@@ -181,10 +181,11 @@ fn on_evidence(
     before_form::cause_before_form(&fitter, &mut search);
     let mut hollow = hollow::drop_hollow(&fitter, &mut search, good.is_some());
     hollow.extend(hollow::drop_hollow_scatter(&fitter, &search, &mut scattered));
-    // What only the scatter shows is looked for about the best course, and a tone that no sine keeps in step with.
+    // What only the scatter shows is looked for about the best course, and what no simulation keeps in step with: a tone, a stick-slip.
     let is_late = |e: &dyn Effect| e.kind() == Kind::Scatter || e.is_apart_from_form();
     let has = |e: &dyn Effect| fitter.found.contains(&e.id()) || search.chosen.model.effects.iter().any(|have| have.id() == e.id());
-    let late = scatter(&fitter, &search.chosen, |e| is_late(e) && !has(e));
+    let mut late = scatter(&fitter, &search.chosen, |e| !has(e));
+    late.retain(|s| is_late(s.effect) || s.finding.masked.is_empty());
     hollow.retain(|id| late.iter().all(|s| s.effect.id() != *id));
     scattered.extend(late);
     let null = search.null.clone();

@@ -1,5 +1,6 @@
 //! Effects that show in the scatter about a course, or in stretches of their own.
 
+use super::base::AT;
 use super::fit::{Fit, Fitter};
 use super::model::Simulator;
 use crate::physics::{EFFECTS, Effect, Scatter, ScatterFinding, specification};
@@ -24,11 +25,16 @@ impl Scattered {
 pub fn scatter(fitter: &Fitter<'_>, fit: &Fit<'_>, asked: impl Fn(&dyn Effect) -> bool) -> Vec<Scattered> {
     let mut simulated = Vec::new();
     Simulator::new(fitter.evidence).pressure(&fit.model, &fit.theta, &mut simulated);
+    let (current_a, runs) = (fitter.evidence.current_a(), fitter.evidence.runs());
     let look = Scatter {
         dt_s: fitter.evidence.step_s(),
         noise_bar: fitter.evidence.noise_bar,
         measured_bar: &fitter.measured,
         simulated_bar: &simulated,
+        current_a: &current_a,
+        runs: &runs,
+        delay_s: fit.theta[AT.late],
+        lag_s: fit.theta[AT.lag],
     };
     EFFECTS
         .iter()

@@ -109,6 +109,45 @@ fn a_lag_that_a_recalibration_had_no_use_for_is_believed_beside_a_cause() {
 }
 
 #[test]
+fn a_spool_with_which_no_simulation_keeps_step_is_named_by_its_rests() {
+    let mut random = rand_pcg::Pcg64::seed_from_u64(3);
+    let normal = Normal::new(0.0, 1.0).unwrap();
+    let time_s: Vec<f64> = (0..9000).map(|k| k as f64 * 0.01).collect();
+    let current_a: Vec<f64> = time_s.iter().map(|t| 0.3 + 0.4 * (1.0 - (t / 8.3 % 2.0 - 1.0).abs())).collect();
+    // It lets go a fifth sooner or later each time.
+    let (mut at_a, mut band_a) = (current_a[0], 0.02);
+    let mut spool = |i: f64| {
+        if f64::abs(i - at_a) > band_a {
+            at_a = i - f64::copysign(0.3 * band_a, i - at_a);
+            band_a = 0.02 * (1.0 + 0.2 * normal.sample(&mut random));
+        }
+        at_a
+    };
+    let felt_a: Vec<f64> = current_a.iter().map(|i| spool(*i)).collect();
+    let quiet = simulate(&valve(), Input::Held, &time_s, &felt_a).unwrap();
+    let pressure = quiet.iter().map(|p| p + NOISE_BAR * normal.sample(&mut random)).collect();
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    let sticks = Recording { source: "slow.csv".into(), runs: vec![run], notes: vec![], input: None };
+    let d = diagnose(&sticks, &valve()).unwrap().diagnosis;
+    let found = d.effects.iter().find(|e| e.id == "stiction").unwrap_or_else(|| panic!("{}", d.summary));
+    assert!((found.parameters["band"].value / 0.02 - 1.0).abs() < 0.15, "{:?}", found.parameters);
+    assert!(found.evidence.contains("rests and jumps"), "{}", found.evidence);
+    // The same drive of a valve that does not stick.
+    let run = Run {
+        pressure_bar: Some(
+            simulate(&valve(), Input::Held, &sticks.runs[0].time_s, &sticks.runs[0].current_a)
+                .unwrap()
+                .iter()
+                .map(|p| p + NOISE_BAR * normal.sample(&mut random))
+                .collect(),
+        ),
+        ..sticks.runs[0].clone()
+    };
+    let moves = Recording { runs: vec![run], ..sticks };
+    assert_eq!(diagnose(&moves, &valve()).unwrap().diagnosis.verdict, Verdict::Match);
+}
+
+#[test]
 fn the_augmented_model_is_the_one_that_the_diagnosis_speaks_of() {
     let found = concealing("first_order_lag", &[0.06, 1.0]);
     let back = Valve::from_toml(&found.augmented.to_toml(), "augmented").unwrap();

@@ -1,5 +1,7 @@
 //! What an effect is: where it sits in the signal's way, which parameters it has, what it does to the signal.
 
+use std::ops::Range;
+
 use super::block::{Arrival, Block};
 use super::error::PhysicsError;
 use crate::units::Unit;
@@ -318,6 +320,14 @@ pub struct Scatter<'a> {
     pub measured_bar: &'a [f64],
     /// Simulated [bar].
     pub simulated_bar: &'a [f64],
+    /// Command [A].
+    pub current_a: &'a [f64],
+    /// Where each run stands among these.
+    pub runs: &'a [Range<usize>],
+    /// Dead time and lag between command and pressure [s].
+    pub delay_s: f64,
+    /// The lag in it [s].
+    pub lag_s: f64,
 }
 
 /// What an effect of the scatter found.

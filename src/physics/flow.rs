@@ -42,14 +42,14 @@ impl Flow {
 /// The share 1 - exp(-q) of its way that a linear lag has gone after `q` time constants. For time constants that change as they go.
 #[inline]
 pub(super) fn gone(q: f64) -> f64 {
-    if !(0.0..0.5).contains(&q) {
+    if !(0.0..2.0).contains(&q) {
         return -(-q).exp_m1();
     }
-    // 2 t / (1 + t) with t = tanh(q / 2) = z (15 + z^2) / (15 + 6 z^2) for a small z = q / 2.
+    // 2 t / (1 + t) with t = tanh(q / 2), Lambert's continued fraction to its fifth term, z = q / 2.
     let z = 0.5 * q;
     let square = z * z;
-    let above = z * (15.0 + square);
-    2.0 * above / (15.0 + 6.0 * square + above)
+    let above = z * (945.0 + square * (105.0 + square));
+    2.0 * above / (945.0 + square * (420.0 + 15.0 * square) + above)
 }
 
 /// A linear lag from `output` behind an input on a straight line from `a` to `b` that lasts `q` time constants: its end,
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn a_short_way_is_that_of_the_exponential() {
-        for q in [0.0, 1e-9, 1e-3, 0.1, 0.3, 0.499_999, 0.5, 2.0, 50.0] {
+        for q in [0.0, 1e-9, 1e-3, 0.1, 0.3, 0.5, 1.0, 1.999_999, 2.0, 50.0] {
             let exact = -f64::exp_m1(-q);
             assert!((gone(q) - exact).abs() <= 2e-7 * exact, "{q}: {} for {exact}", gone(q));
         }

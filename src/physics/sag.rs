@@ -120,7 +120,16 @@ mod tests {
 
     fn found(supply: impl Fn(f64) -> f64) -> Option<Sags> {
         let (measured_bar, simulated_bar) = drive(supply);
-        sags(&Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar: &measured_bar, simulated_bar: &simulated_bar })
+        sags(&Scatter {
+            dt_s: 0.01,
+            noise_bar: 0.03,
+            measured_bar: &measured_bar,
+            simulated_bar: &simulated_bar,
+            current_a: &[],
+            runs: &[],
+            delay_s: 0.0,
+            lag_s: 0.0,
+        })
     }
 
     #[test]
@@ -142,13 +151,37 @@ mod tests {
         let (_, wanted) = drive(|_| 40.0);
         let wanted: Vec<f64> = wanted.iter().map(|p| (p - 15.0).max(0.0) * 2.0 + 0.5).collect();
         let measured: Vec<f64> = wanted.iter().enumerate().map(|(k, p)| if k > 3000 && *p < 2.0 { 0.1 } else { *p }).collect();
-        assert!(sags(&Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar: &measured, simulated_bar: &wanted }).is_none());
+        assert!(
+            sags(&Scatter {
+                dt_s: 0.01,
+                noise_bar: 0.03,
+                measured_bar: &measured,
+                simulated_bar: &wanted,
+                current_a: &[],
+                runs: &[],
+                delay_s: 0.0,
+                lag_s: 0.0
+            })
+            .is_none()
+        );
     }
 
     #[test]
     fn a_pressure_that_is_too_low_at_any_level_is_not() {
         let (measured, wanted) = drive(|_| 40.0);
         let low: Vec<f64> = measured.iter().map(|p| 0.95 * p).collect();
-        assert!(sags(&Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar: &low, simulated_bar: &wanted }).is_none());
+        assert!(
+            sags(&Scatter {
+                dt_s: 0.01,
+                noise_bar: 0.03,
+                measured_bar: &low,
+                simulated_bar: &wanted,
+                current_a: &[],
+                runs: &[],
+                delay_s: 0.0,
+                lag_s: 0.0
+            })
+            .is_none()
+        );
     }
 }

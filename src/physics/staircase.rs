@@ -2,9 +2,9 @@
 //! as its period. Its phase is chance in every stretch.
 
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 use super::effect::Hint;
+use super::monotone::monotone;
 
 /// Periods that are looked for: the smallest [share of the current's span], the ratio of one to the next, their number.
 const PERIODS: (f64, f64, usize) = (0.003, 1.01, 330);
@@ -65,7 +65,7 @@ pub(super) fn staircase(hint: &Hint<'_>) -> Option<Staircase> {
     let current_a = &hint.current_a[..n];
     let (low, high) = current_a.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), i| (l.min(*i), h.max(*i)));
     let clip = 4.0 * hint.scale_bar;
-    let stretches: Vec<Stretch<'_>> = monotone(current_a, 0.002 * (high - low))
+    let stretches: Vec<Stretch<'_>> = monotone(current_a, 0.002 * (high - low), hint.dt_s)
         .into_iter()
         .map(|s| Stretch { residual_bar: detrended(&hint.residual_bar[s.start + late..s.end + late], clip), current_a: &current_a[s] })
         .collect();
@@ -127,34 +127,6 @@ fn detrended(residual: &[f64], clip: f64) -> Vec<f64> {
         if e.is_finite() { e.clamp(-clip, clip) - mean - product / square * (k as f64 - centre) } else { 0.0 }
     };
     residual.iter().enumerate().map(rest).collect()
-}
-
-/// Stretches over which the current moves in one direction, but for turns of less than `dead`, and does not rest.
-fn monotone(current_a: &[f64], dead: f64) -> Vec<Range<usize>> {
-    const REST: usize = 30;
-    const SHORTEST: usize = 20;
-    let mut out = Vec::new();
-    let (mut begin, mut extreme, mut direction) = (0, 0, 0.0);
-    for k in 1..current_a.len() {
-        let beyond = current_a[k] - current_a[extreme];
-        if direction == 0.0 {
-            if beyond.abs() > dead {
-                direction = beyond.signum();
-                extreme = k;
-            }
-        } else if beyond * direction > 0.0 {
-            extreme = k;
-        } else if -beyond * direction > dead {
-            out.push(begin..extreme + 1);
-            (begin, extreme, direction) = (extreme, k, -direction);
-        } else if k - extreme > REST {
-            out.push(begin..extreme + 1);
-            (begin, extreme, direction) = (k, k, 0.0);
-        }
-    }
-    out.push(begin..extreme + 1);
-    out.retain(|s| s.len() > SHORTEST);
-    out
 }
 
 #[cfg(test)]

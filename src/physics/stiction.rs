@@ -8,7 +8,7 @@
 //! He et al., a low one the sliding of Choudhury et al.
 //!
 //! Signature: the pressure rests while the current creeps, then jumps by the slope times band (1 - slip); the error is
-//! a sawtooth.
+//! a sawtooth. Where no simulation keeps step with it, it is told by these rests and jumps alone.
 //!
 //! What to check on the bench: a micro-ramp of some 20 mA at high resolution; dither amplitude, contamination.
 //!
@@ -20,8 +20,9 @@
 //! Eng. Practice 13 (2005) 641.
 
 use super::block::{Arrival, Block, Point, Pointwise};
-use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
+use super::effect::{Context, Effect, Hint, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use super::staircase::staircase;
+use super::stick_slip::{stick_slip, stick_slip_elsewhere};
 use crate::units::{CURRENT, CURRENT_RATE, RATIO};
 
 /// The effect `stiction`.
@@ -74,6 +75,13 @@ impl Effect for Stiction {
     /// Where the spool slips on a fast ramp is chance, and a free simulation loses step with it; the staircase stays.
     fn signature_nats(&self, hint: &Hint<'_>) -> f64 {
         staircase(hint).map_or(0.0, |stair| stair.nats)
+    }
+    fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
+        let (least_a, most_a) = self.parameters()[0].range;
+        stick_slip(of).filter(|found| (least_a..most_a).contains(&found.theta[0]))
+    }
+    fn scatter_nats(&self, theta: Theta<'_>, of: &Scatter<'_>) -> Option<f64> {
+        Some(stick_slip_elsewhere(theta[0], of))
     }
     fn stick_slip(&self, (resting, moving): (f64, f64)) -> Option<Vec<f64>> {
         let [_, slip, speed] = self.parameters() else { return None };

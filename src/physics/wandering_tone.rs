@@ -209,7 +209,16 @@ mod tests {
             simulated.push(p);
             measured.push(p + and_then(t, (k % 400) as f64 * DT_S, wander) + 0.05 * normal.sample(&mut random));
         }
-        wandering_tone(&Scatter { dt_s: DT_S, noise_bar: 0.05, measured_bar: &measured, simulated_bar: &simulated })
+        wandering_tone(&Scatter {
+            dt_s: DT_S,
+            noise_bar: 0.05,
+            measured_bar: &measured,
+            simulated_bar: &simulated,
+            current_a: &[],
+            runs: &[],
+            delay_s: 0.0,
+            lag_s: 0.0,
+        })
     }
 
     fn turn(cycles: f64) -> f64 {
@@ -243,6 +252,18 @@ mod tests {
         let time: Vec<f64> = (0..12_000).map(|k| DT_S * f64::from(k)).collect();
         let simulated: Vec<f64> = time.iter().map(|t| 10.0 + turn(4.0 * t)).collect();
         let measured: Vec<f64> = time.iter().map(|t| 10.0 + 0.6 * turn(4.0 * t - 0.05)).collect();
-        assert!(wandering_tone(&Scatter { dt_s: DT_S, noise_bar: 0.05, measured_bar: &measured, simulated_bar: &simulated }).is_none());
+        assert!(
+            wandering_tone(&Scatter {
+                dt_s: DT_S,
+                noise_bar: 0.05,
+                measured_bar: &measured,
+                simulated_bar: &simulated,
+                current_a: &[],
+                runs: &[],
+                delay_s: 0.0,
+                lag_s: 0.0
+            })
+            .is_none()
+        );
     }
 }
