@@ -22,6 +22,7 @@ mod first_order_lag;
 mod flow;
 mod flow_limit;
 mod leakage;
+mod levels;
 mod linear;
 mod lost_messages;
 mod monotone;

@@ -2,16 +2,14 @@
 //! after the same way of the current. Where it slips is chance, so that no free simulation keeps step with it; that it rests
 //! and jumps is not.
 //!
-//! Each stretch over which the current goes one way is parted into levels by optimal partition (Jackson et al., IEEE Signal
-//! Process. Lett. 12 (2005) 105; pruned as Killick, Fearnhead and Eckley, J. Am. Stat. Assoc. 107 (2012) 1590) and held against
-//! a smooth function of the simulated pressure.
+//! Each stretch over which the current goes one way is parted into levels and held against a smooth function of the simulated
+//! pressure.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use nalgebra::{Matrix3, Vector3};
-
 use super::effect::{Scatter, ScatterFinding};
+use super::levels::{levels, smooth};
 use super::monotone::monotone;
 
 /// Share of the current's span that is no turn.
@@ -215,62 +213,6 @@ fn inner(rests: &[Vec<f64>], levels: &[Range<usize>], (stands, at_a): (&[(f64, f
     (weight * sum.0, weight * sum.1)
 }
 
-/// Squares that a parabola over the simulated pressure leaves of the measured one [bar^2].
-fn smooth(kept: &[usize], measured: &[f64], simulated: &[f64]) -> f64 {
-    let (first, scale) = (simulated[kept[0]], (simulated[kept[kept.len() - 1]] - simulated[kept[0]]).abs().max(1e-9));
-    let row = |k: usize| {
-        let x = (simulated[k] - first) / scale;
-        Vector3::new(1.0, x, x * x)
-    };
-    let normal = kept.iter().fold(Matrix3::identity() * 1e-9, |sum, k| sum + row(*k) * row(*k).transpose());
-    let right = kept.iter().fold(Vector3::zeros(), |sum, k| sum + row(*k) * measured[*k]);
-    let Some(coefficients) = normal.cholesky().map(|c| c.solve(&right)) else { return f64::INFINITY };
-    kept.iter().map(|k| (measured[*k] - row(*k).dot(&coefficients)).powi(2)).sum()
-}
-
-/// The levels of a course: the partition of least squares, each further level at a price; the first `skip` points after a jump belong to
-/// none.
-fn levels(values: &[f64], skip: usize, price: f64) -> Vec<Range<usize>> {
-    let shortest = skip + 3;
-    let count = values.len();
-    let offset = values[0];
-    let mut sums = vec![(0.0, 0.0)];
-    for v in values {
-        let (sum, squares) = sums[sums.len() - 1];
-        sums.push((sum + (v - offset), squares + (v - offset).powi(2)));
-    }
-    let from = |begin: usize| if begin == 0 { 0 } else { begin + skip };
-    let squares = |begin: usize, end: usize| {
-        let (a, b) = (sums[from(begin)], sums[end]);
-        b.1 - a.1 - (b.0 - a.0).powi(2) / (end - from(begin)) as f64
-    };
-    let mut best = vec![f64::INFINITY; count + 1];
-    let mut before = vec![0; count + 1];
-    best[0] = -price;
-    let mut open = vec![0];
-    for end in shortest.min(count)..=count {
-        if end >= 2 * shortest {
-            open.push(end - shortest);
-        }
-        for begin in &open {
-            let cost = best[*begin] + squares(*begin, end) + price;
-            if cost < best[end] {
-                (best[end], before[end]) = (cost, *begin);
-            }
-        }
-        let limit = best[end] + price;
-        open.retain(|begin| best[*begin] + squares(*begin, end) <= limit);
-    }
-    let mut out = Vec::new();
-    let mut end = count;
-    while end > 0 {
-        out.push(from(before[end])..end);
-        end = before[end];
-    }
-    out.reverse();
-    out
-}
-
 /// The band and the share of it that is left after a slip: along the movement the spool lets go after what it has slipped, after a turn
 /// after that and twice what was left.
 fn band(courses: &[Course], slip_a: f64) -> (f64, f64) {
@@ -403,6 +345,33 @@ mod tests {
             i + 0.004 * f64::from((at / 150) % 3)
         };
         assert!(look(13.7, 0.02, knocked, stick_slip).is_none());
+    }
+
+    #[test]
+    fn rests_that_no_friction_makes_are_none() {
+        // It lets go after a way that is another each time, by up to sixteen times.
+        let mut random = rand_pcg::Pcg64::seed_from_u64(7);
+        let (mut at_a, mut band_a) = (0.2, 0.005);
+        let any_way = move |i: f64| {
+            if f64::abs(i - at_a) > band_a {
+                (at_a, band_a) = (i, 0.005 * rand::RngExt::random_range(&mut random, 0.0..4.0f64).exp2());
+            }
+            at_a
+        };
+        assert!(look(13.7, 0.05, any_way, stick_slip).is_none());
+        // Jumps to and fro, always after 50 readings.
+        let (mut count, mut held_a) = (0, 0.2);
+        let to_and_fro = move |i: f64| {
+            if count % 50 == 0 {
+                held_a = i + if count % 100 == 0 { 0.05 } else { -0.05 };
+            }
+            count += 1;
+            held_a
+        };
+        assert!(look(13.7, 0.05, to_and_fro, stick_slip).is_none());
+        // A pressure that goes less than half of its way has more than friction.
+        let mut sticks = sticking(0.02, 0.4);
+        assert!(look(13.7, 0.05, |i| 0.2 + 0.4 * (sticks(i) - 0.2), stick_slip).is_none());
     }
 
     #[test]
