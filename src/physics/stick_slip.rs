@@ -20,7 +20,9 @@ const POINTS: usize = 1500;
 const TAU_SAMPLES: f64 = 6.0;
 /// A jump has ended after so many lags of the valve.
 const LAGS: f64 = 3.0;
-/// Least gain of likelihood over a smooth course [nats]: twenty to one among the thousand ways to bound the pace at which it shows.
+/// Paces of the current up to which it may show: this factor apart.
+const PACES: f64 = 1.1;
+/// Least gain of likelihood over a smooth course [nats]: a hundred to one among the hundred paces of three decades.
 const LEAST_NATS: f64 = 10.0;
 /// Fewest slips from one rest to the next.
 const FEWEST_SLIPS: usize = 4;
@@ -46,13 +48,15 @@ pub(super) fn stick_slip(of: &Scatter<'_>) -> Option<ScatterFinding> {
     let mut courses: Vec<Course> = of.runs.iter().flat_map(|run| courses(of, run)).collect();
     courses.sort_by(|a, b| a.pace.total_cmp(&b.pace));
     // It shows up to some pace of the current, beyond which the spool slides on, or slips faster than the readings tell.
-    let sticking = (1..=courses.len()).filter_map(|slowest| Sticking::on(&courses[..slowest], of));
+    let pace = |k: usize| (courses[k].pace.ln() / PACES.ln()).floor();
+    let slowest = (1..=courses.len()).filter(|k| *k == courses.len() || pace(*k) > pace(k - 1));
+    let sticking = slowest.filter_map(|count| Sticking::on(&courses[..count], of));
     let found = sticking.max_by(|a, b| a.nats.total_cmp(&b.nats))?;
     if of_the_driver(&courses, found.slip_a) {
         return None;
     }
     let courses = found.courses;
-    let (band_a, left) = band(courses, found.slip_a);
+    let [(band_a, band_error_a), (left, left_error)] = band(courses, (found.slip_a, found.error_a));
     let mut steps: Vec<f64> = courses.iter().flat_map(|c| c.steps_bar.iter().map(|s| s.abs())).collect();
     let (step_bar, _) = median_and_spread(&mut steps);
     let mut spread_bar = vec![0.0; of.measured_bar.len()];
@@ -60,7 +64,7 @@ pub(super) fn stick_slip(of: &Scatter<'_>) -> Option<ScatterFinding> {
     courses.iter().for_each(|c| spread_bar[c.samples.clone()].fill(step_bar / 12f64.sqrt()));
     Some(ScatterFinding {
         theta: vec![band_a, left, 100.0],
-        std_errors: vec![found.error_a, f64::NAN, f64::NAN],
+        std_errors: vec![band_error_a, left_error, f64::NAN],
         gain_nats: found.nats,
         masked: Vec::new(),
         spread_bar,
@@ -213,19 +217,23 @@ fn inner(rests: &[Vec<f64>], levels: &[Range<usize>], (stands, at_a): (&[(f64, f
     (weight * sum.0, weight * sum.1)
 }
 
-/// The band and the share of it that is left after a slip: along the movement the spool lets go after what it has slipped, after a turn
-/// after that and twice what was left.
-fn band(courses: &[Course], slip_a: f64) -> (f64, f64) {
+/// The band and the share of it that is left after a slip, with their errors: along the movement the spool lets go after what it has
+/// slipped, after a turn after that and twice what was left.
+fn band(courses: &[Course], (slip_a, slip_error_a): (f64, f64)) -> [(f64, f64); 2] {
     let mut in_time: Vec<&Course> = courses.iter().filter(|c| !c.at_a.is_empty()).collect();
     in_time.sort_by_key(|c| c.samples.start);
     let turns = in_time.windows(2).filter(|w| w[0].samples.end.abs_diff(w[1].samples.start) <= 1 && w[0].sign * w[1].sign < 0.0);
     let mut over: Vec<f64> = turns.map(|w| (w[0].at_a[w[0].at_a.len() - 1] - w[1].at_a[0]).abs()).collect();
     if over.is_empty() {
-        return (slip_a, 0.0);
+        return [(slip_a, slip_error_a), (0.0, f64::NAN)];
     }
-    let turn_a = median_and_spread(&mut over).0.max(slip_a);
-    let band_a = 0.5 * (turn_a + slip_a);
-    (band_a, ((turn_a - slip_a) / (turn_a + slip_a)).min(0.95))
+    let (turn_a, spread_a) = median_and_spread(&mut over);
+    let turn_a = turn_a.max(slip_a);
+    // Two of them tell no spread.
+    let turn_error_a = if over.len() > 2 { spread_a / (over.len() as f64).sqrt() } else { f64::NAN };
+    let (both_a, left) = (turn_a + slip_a, (turn_a - slip_a) / (turn_a + slip_a));
+    let left_error = 2.0 * (slip_a * turn_error_a).hypot(turn_a * slip_error_a) / both_a.powi(2);
+    [(0.5 * both_a, 0.5 * turn_error_a.hypot(slip_error_a)), (left.min(0.95), left_error)]
 }
 
 /// Whether the jumps stand at the same currents, whichever way it goes: a driver whose current comes in steps does that.
@@ -308,6 +316,7 @@ mod tests {
             let found = look(13.7, 0.05, sticking(band_a, left), stick_slip).unwrap_or_else(|| panic!("{band_a} A is not found"));
             assert!((found.theta[0] / band_a - 1.0).abs() < 0.06, "{} for {band_a}", found.theta[0]);
             assert!((found.theta[1] - left).abs() < 0.08, "{} for {left}", found.theta[1]);
+            assert!(found.std_errors[0] < 0.05 * band_a && found.std_errors[1] < 0.05, "{:?}", found.std_errors);
             assert!(found.gain_nats > LEAST_NATS && found.is_event && found.masked.is_empty());
         }
     }
