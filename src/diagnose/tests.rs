@@ -97,7 +97,7 @@ fn a_spring_seat_that_has_set_is_a_shift_and_no_form() {
 fn a_lag_that_a_recalibration_had_no_use_for_is_believed_beside_a_cause() {
     let calibrated = Valve { delay_s: 0.02, lag_s: 0.03, ..valve() };
     let mut limited = calibrated.clone();
-    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 75.0, 0.0]));
+    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 75.0, 0.0, 0.0]));
     let recording = recording(&limited);
     let course = Course::of(&recording, &Preparation::for_model(&recording, &calibrated)).unwrap();
     let evidence = Evidence::of(course).unwrap();

@@ -8,6 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::comparison::{Comparison, StandsOut};
+use super::onset::{Onset, onset};
 use super::row::{Row, RowEffect, Status};
 use super::standing::{LEAST_VALVES, LOOK, Standing};
 
@@ -37,21 +38,6 @@ pub struct FleetFinding {
     pub p_value: f64,
     /// Where it begins, by a number of the list: column, value, and how many valves before and after have it.
     pub onset: Option<Onset>,
-}
-
-/// Since when.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Onset {
-    /// The column, such as `mileage`.
-    pub column: String,
-    /// The number at which it begins; of dates the days since 1970.
-    pub at: f64,
-    /// Whether the column holds dates.
-    pub is_date: bool,
-    /// Before it: how many of how many.
-    pub before: (usize, usize),
-    /// From it on.
-    pub after: (usize, usize),
 }
 
 impl FleetFinding {
@@ -231,44 +217,6 @@ pub fn numeric_columns(rows: &[&Row]) -> Vec<String> {
         10 * values.len() >= 9 * rows.len() && values.iter().any(|v| *v != values[0])
     };
     columns.into_iter().filter(holds).cloned().collect()
-}
-
-/// The split of a group along a number that separates those with an effect best from those without, where it beats
-/// chance after all splits that were tried.
-fn onset(columns: &[(String, bool)], numbers: &[Vec<Option<f64>>], has: &[bool], members: &[usize]) -> Option<Onset> {
-    columns
-        .iter()
-        .zip(numbers)
-        .filter_map(|((column, is_date), numbers)| {
-            let mut at: Vec<(f64, bool)> = members.iter().filter_map(|m| Some((numbers[*m]?, has[*m]))).collect();
-            at.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let is_date = *is_date;
-            let hits = at.iter().filter(|a| a.1).count();
-            let (mut before, mut best) = (0, None);
-            for k in 1..at.len() {
-                before += usize::from(at[k - 1].1);
-                if at[k].0 == at[k - 1].0 {
-                    continue;
-                }
-                let (b, a) = ((before, k), (hits - before, at.len() - k));
-                let gain = likelihood(b) + likelihood(a) - likelihood((hits, at.len()));
-                if a.0 * b.1 > b.0 * a.1 && best.as_ref().is_none_or(|(g, _)| gain > *g) {
-                    best = Some((gain, Onset { column: column.clone(), at: 0.5 * (at[k].0 + at[k - 1].0), is_date, before: b, after: a }));
-                }
-            }
-            // a split that was looked for has to gain more than one that was given: half the log of their number beside
-            // the 3.3 nats of the level
-            best.filter(|(gain, _)| *gain > 3.3 + 0.5 * (at.len() as f64).ln())
-        })
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, onset)| onset)
-}
-
-/// Log-likelihood of `k` of `n` at its own rate.
-fn likelihood((k, n): (usize, usize)) -> f64 {
-    let (k, n) = (k as f64, n as f64);
-    let term = |x: f64| if x > 0.0 { x * (x / n).ln() } else { 0.0 };
-    term(k) + term(n - k)
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub mod collected;
 pub mod findings;
 pub mod levels;
 pub mod list;
+pub mod onset;
 pub mod rate;
 pub mod row;
 pub mod standing;

@@ -28,6 +28,9 @@ impl Dynamic for Floor {
     /// Above and below, before the jump and after it.
     #[inline]
     fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
+        if from > self.floor_bar && input.to > self.floor_bar {
+            return input;
+        }
         let (mut mean, mut jump, mut end) = (0.0, 0.0, f64::NAN);
         input.pieces(from, self.left, f64::INFINITY, |share, a, b| {
             let (a, b) = (a.max(self.floor_bar), b.max(self.floor_bar));
@@ -38,9 +41,6 @@ impl Dynamic for Floor {
             end = b;
         });
         let to = input.to.max(self.floor_bar);
-        if from > self.floor_bar && input.to > self.floor_bar {
-            return input;
-        }
         // An arrival at the sample itself, or at the begin of the step, leaves one part only.
         if input.jump != 0.0 && (self.left == 0.0 || self.left >= 1.0) {
             jump = if self.left == 0.0 { to - end } else { (from + input.jump).max(self.floor_bar) - from.max(self.floor_bar) };

@@ -42,8 +42,8 @@ impl Flow {
 /// The share 1 - exp(-q) of its way that a linear lag has gone after `q` time constants. For time constants that change as they go.
 #[inline]
 pub(super) fn gone(q: f64) -> f64 {
-    if !(0.0..2.0).contains(&q) {
-        return -(-q).exp_m1();
+    if q >= 2.0 {
+        return 1.0 - (-q).exp();
     }
     // 2 t / (1 + t) with t = tanh(q / 2), Lambert's continued fraction to its fifth term, z = q / 2.
     let z = 0.5 * q;

@@ -4,18 +4,21 @@
 //!
 //! Model: |dy/dt| <= rise going up and <= fall going down. Flow from a supply S and to the tank through orifices falls
 //! with the counter-pressure: rise scales with (1 - y / S)^shape, fall with (4 y / S)^shape, S = 1.5 times the pressures
-//! that the curves span. A shape of 0 is a constant limit (a pump), 1/2 orifices, 1 laminar restrictors.
+//! that the curves span. A shape of 0 is a constant limit (a pump), 1/2 orifices, 1 laminar restrictors. A metering edge
+//! opens in proportion to what is missing: within `band` of the target the rate falls with the distance.
 //!
-//! Signature: large steps become ramps of one slope; small movements are untouched.
+//! Signature: large steps become ramps of one slope; small movements are untouched, or within the band all alike slow.
 //!
 //! What to check on the bench: steps of several sizes; pump flow, filters, line diameter.
 //!
-//! Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice flow into a volume).
+//! Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice flow into a volume) and 5.2 (a metering
+//! edge, linear in its opening until it is open).
 
 use super::block::{Block, Dynamic, Point, Step};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
+use super::flow::{RESOLUTION_BAR, gone};
 use super::power::Power;
-use crate::units::{PRESSURE_RATE, RATIO};
+use crate::units::{PRESSURE, PRESSURE_RATE, RATIO};
 
 /// The effect `flow_limit`.
 pub struct FlowLimit;
@@ -31,7 +34,7 @@ impl Effect for FlowLimit {
         Stage::Chamber
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 3] = [
+        static PARAMETERS: [Parameter; 4] = [
             Parameter {
                 name: "rise",
                 unit: &PRESSURE_RATE,
@@ -56,6 +59,14 @@ impl Effect for FlowLimit {
                 default: Some(0.0),
                 meaning: "dependence of the limits on the counter-pressure",
             },
+            Parameter {
+                name: "band",
+                unit: &PRESSURE,
+                range: (0.0, 40.0),
+                starts: &[0.0, 3.0],
+                default: Some(0.0),
+                meaning: "distance from the target within which the flow is in proportion to it",
+            },
         ];
         &PARAMETERS
     }
@@ -67,12 +78,14 @@ impl Effect for FlowLimit {
         let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
         let supply_bar = 1.5 * span_bar;
         let shape = theta[2];
-        let free = theta[0].min(theta[1]) * context.dt_s * if shape > 0.0 { LEAST_SHARE.powf(shape) } else { 1.0 };
+        let slowest = theta[0].min(theta[1]) * context.dt_s * if shape > 0.0 { LEAST_SHARE.powf(shape) } else { 1.0 };
+        let free = if theta[3] > 0.0 { 0.0 } else { slowest };
         Block::dynamic(Limit {
             rise: theta[0] * context.dt_s,
             fall: theta[1] * context.dt_s,
             shape: (shape > 0.0).then(|| (shape, Power::new(shape))),
             supply_bar,
+            band: theta[3],
             free,
             left: context.arrival.left(),
             output: 0.0,
@@ -95,6 +108,8 @@ struct Limit {
     /// `None` of a constant limit.
     shape: Option<(f64, Power)>,
     supply_bar: f64,
+    /// Within this distance the rate falls with it [bar].
+    band: f64,
     /// A change per step at which neither limit binds at any pressure [bar].
     free: f64,
     left: f64,
@@ -102,16 +117,43 @@ struct Limit {
 }
 
 impl Limit {
-    /// From `output` as far towards `target` as the limits let it in `share` of a step, and the integral over it.
+    /// The limit towards a pressure [bar per step], the share of the supply that drives there from here, and its change per bar: it
+    /// falls while the pressure rises, and with it when it falls.
     #[inline]
-    fn towards(&self, target: f64, output: f64, share: f64) -> (f64, f64) {
-        let up = target > output;
-        // The driving share of the supply falls while the pressure rises, and with it when it falls.
-        let (rate, per_bar, drive) = if up {
+    fn driven(&self, up: bool, output: f64) -> (f64, f64, f64) {
+        if up {
             (self.rise, -1.0 / self.supply_bar, 1.0 - output / self.supply_bar)
         } else {
             (self.fall, 4.0 / self.supply_bar, 4.0 * output / self.supply_bar)
-        };
+        }
+    }
+
+    /// From `output` towards `target` in `share` of a step, and the integral over it: at the limit until the band, and as a lag within it.
+    #[inline]
+    fn into_band(&self, target: f64, output: f64, share: f64) -> (f64, f64) {
+        let edge = target - self.band.copysign(target - output);
+        let (mut output, mut sum, mut rest) = (output, 0.0, share);
+        if (target - output).abs() > self.band {
+            let (end, integral, time) = self.towards(edge, output, share);
+            rest = share - time;
+            (output, sum) = (end, integral - rest * end);
+        }
+        if rest <= 0.0 {
+            return (output, sum);
+        }
+        let (rate, _, drive) = self.driven(target > output, output);
+        let rate = rate * self.shape.as_ref().map_or(1.0, |(_, power)| power.of(drive.max(LEAST_SHARE)));
+        let (steps, away) = (rest * rate / self.band, target - output);
+        let gone = gone(steps);
+        let lasting = if steps > 1e-9 { away * gone / steps } else { away };
+        (output + away * gone, sum + rest * (target - lasting))
+    }
+
+    /// From `output` as far towards `target` as the limits let it in `share` of a step, the integral over it, and how long it moved.
+    #[inline]
+    fn towards(&self, target: f64, output: f64, share: f64) -> (f64, f64, f64) {
+        let up = target > output;
+        let (rate, per_bar, drive) = self.driven(up, output);
         let way = (target - output).abs();
         let direction = if up { 1.0 } else { -1.0 };
         let (reach, needed) = match &self.shape {
@@ -125,10 +167,10 @@ impl Limit {
         };
         if reach >= way || needed <= share {
             let time = needed.min(share);
-            return (target, 0.5 * time * (output + target) + (share - time) * target);
+            return (target, 0.5 * time * (output + target) + (share - time) * target, time);
         }
         let end = output + direction * reach;
-        (end, 0.5 * share * (output + end))
+        (end, 0.5 * share * (output + end), share)
     }
 }
 
@@ -199,9 +241,17 @@ impl Dynamic for Limit {
             return input;
         }
         let mut mean = 0.0;
+        if self.band > 0.0 {
+            input.pieces(from, self.left, RESOLUTION_BAR, |share, a, b| {
+                let (output, sum) = self.into_band(0.5 * (a + b), self.output, share);
+                self.output = output;
+                mean += sum;
+            });
+            return Step { to: self.output, mean, jump: 0.0 };
+        }
         let most = change.max(input.jump.abs()).max(bow) / PARTS;
         input.pieces(from, self.left, most.max(self.free), |share, _, b| {
-            let (output, sum) = self.towards(b, self.output, share);
+            let (output, sum, _) = self.towards(b, self.output, share);
             self.output = output;
             mean += sum;
         });

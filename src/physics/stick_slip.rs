@@ -20,9 +20,9 @@ const POINTS: usize = 1500;
 const TAU_SAMPLES: f64 = 6.0;
 /// A jump has ended after so many lags of the valve.
 const LAGS: f64 = 3.0;
-/// Paces of the current up to which it may show: this factor apart.
-const PACES: f64 = 1.1;
-/// Least gain of likelihood over a smooth course [nats]: a hundred to one among the hundred paces of three decades.
+/// Most paces of the current up to which it is tried whether it shows.
+const PACES: usize = 100;
+/// Least gain of likelihood over a smooth course [nats]: a hundred to one among so many.
 const LEAST_NATS: f64 = 10.0;
 /// Fewest slips from one rest to the next.
 const FEWEST_SLIPS: usize = 4;
@@ -48,8 +48,7 @@ pub(super) fn stick_slip(of: &Scatter<'_>) -> Option<ScatterFinding> {
     let mut courses: Vec<Course> = of.runs.iter().flat_map(|run| courses(of, run)).collect();
     courses.sort_by(|a, b| a.pace.total_cmp(&b.pace));
     // It shows up to some pace of the current, beyond which the spool slides on, or slips faster than the readings tell.
-    let pace = |k: usize| (courses[k].pace.ln() / PACES.ln()).floor();
-    let slowest = (1..=courses.len()).filter(|k| *k == courses.len() || pace(*k) > pace(k - 1));
+    let slowest = (1..=courses.len()).rev().step_by(courses.len().div_ceil(PACES).max(1));
     let sticking = slowest.filter_map(|count| Sticking::on(&courses[..count], of));
     let found = sticking.max_by(|a, b| a.nats.total_cmp(&b.nats))?;
     if of_the_driver(&courses, found.slip_a) {

@@ -198,11 +198,12 @@ type Equation = (&'static str, Vec<f64>, fn(f64, f64) -> f64);
 
 #[test]
 fn chambers_agree_with_their_equations_solved_in_steps_of_ten_microseconds() {
-    let equations: [Equation; 4] = [
+    let equations: [Equation; 5] = [
         ("first_order_lag", vec![0.04, 0.5], |u, y| (u - y).abs().sqrt().copysign(u - y) / 0.04),
         ("air_entrainment", vec![0.12, 2.0, 1.0], |u, y| (u - y) / (0.12 * (6.0 / (y + 1.0)).powi(2))),
         ("air_entrainment", vec![0.2, 1.0, 0.6], |u, y| (u - y).abs().powf(0.6).copysign(u - y) / (0.2 * 6.0 / (y + 1.0))),
-        ("flow_limit", vec![100.0, 250.0, 0.0], |u, y| ((u - y) * 1e5).clamp(-250.0, 100.0)),
+        ("flow_limit", vec![100.0, 250.0, 0.0, 0.0], |u, y| ((u - y) * 1e5).clamp(-250.0, 100.0)),
+        ("flow_limit", vec![100.0, 250.0, 0.0, 4.0], |u, y| ((u - y) / 4.0).clamp(-1.0, 1.0) * if u > y { 100.0 } else { 250.0 }),
     ];
     for (id, theta, slope) in equations {
         let mut valve = valve(vec![specification(super::effect(id).unwrap(), &theta)]);

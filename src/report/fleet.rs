@@ -95,8 +95,9 @@ fn sentence(f: &FleetFinding) -> String {
         None => format!("{}: {} of {} look alike", what, f.inside.0, f.inside.1),
     };
     if let Some(o) = &f.onset {
-        let at = if o.is_date { date(o.at) } else { format!("{:.0}", o.at) };
-        let _ = write!(text, "; since {} {at}: {} of {} before, {} of {} after", o.column, o.before.0, o.before.1, o.after.0, o.after.1);
+        let [at, low, high] = [o.at, o.between.0, o.between.1].map(|at| if o.is_date { date(at) } else { format!("{at:.0}") });
+        let ((b, before), (a, after)) = (o.before, o.after);
+        let _ = write!(text, "; since {} {at} ({low} to {high}): {b} of {before} before, {a} of {after} after", o.column);
     }
     text
 }
@@ -120,7 +121,7 @@ pub fn json(s: &Summary) -> String {
     let share = |r: Rate| json!({ "hits": r.hits, "of": r.of, "low": r.low, "high": r.high });
     let finding = |(f, new): &(FleetFinding, bool)| -> Value {
         let onset = f.onset.as_ref().map(
-            |o| json!({ "column": o.column, "at": o.at, "date": o.is_date.then(|| date(o.at)), "before": o.before, "after": o.after }),
+            |o| json!({ "column": o.column, "at": o.at, "between": o.between, "date": o.is_date.then(|| date(o.at)), "before": o.before, "after": o.after }),
         );
         let p_value = f.p_value.is_finite().then_some(f.p_value);
         json!({ "column": f.column, "group": f.group, "what": f.what, "or": f.or, "inside": f.inside, "outside": f.outside, "p_value": p_value, "onset": onset, "new": new })

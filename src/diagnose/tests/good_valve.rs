@@ -117,7 +117,7 @@ fn what_shows_only_where_the_good_valve_was_never_driven_so_fast_is_no_change() 
     };
     // The limit lies above what the gentle drive asks for, and below what the record does.
     let mut limited = valve();
-    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 60.0, 1.0]));
+    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 60.0, 1.0, 0.0]));
     let claimed = |good: &Recording| diagnose_against(&recording(&limited), &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
     let lively = claimed(&another_drive(&valve()));
     assert!(lively.effects.iter().any(|f| f.id == "flow_limit" && f.claim == Claim::Changed), "{}", lively.summary);
