@@ -130,7 +130,7 @@ impl Limit {
 
     /// From `output` towards `target` in `share` of a step, and the integral over it: at the limit until the band, and as a lag within it.
     #[inline]
-    fn into_band(&self, target: f64, output: f64, share: f64) -> (f64, f64) {
+    fn with_band(&self, target: f64, output: f64, share: f64) -> (f64, f64) {
         let edge = target - self.band.copysign(target - output);
         let (mut output, mut sum, mut rest) = (output, 0.0, share);
         if (target - output).abs() > self.band {
@@ -243,7 +243,7 @@ impl Dynamic for Limit {
         let mut mean = 0.0;
         if self.band > 0.0 {
             input.pieces(from, self.left, RESOLUTION_BAR, |share, a, b| {
-                let (output, sum) = self.into_band(0.5 * (a + b), self.output, share);
+                let (output, sum) = self.with_band(0.5 * (a + b), self.output, share);
                 self.output = output;
                 mean += sum;
             });
