@@ -1,8 +1,9 @@
 //! Since when the valves of a group have what it stands out by, along a number of the list.
 
-/// How much less likely than the best a split may be to be one of the 95 % that hold the true one [nats]: half of the quantile 3.84 of
-/// chi square with one degree of freedom.
-const AS_LIKELY_NATS: f64 = 1.92;
+use statrs::function::beta::ln_beta;
+
+/// The share of the belief that may lie on either side of the interval.
+const TAIL: f64 = 0.025;
 /// The level of a split that was given, 1 % [nats].
 const GIVEN_NATS: f64 = 3.3;
 
@@ -13,7 +14,7 @@ pub struct Onset {
     pub column: String,
     /// The number at which it begins; of dates the days since 1970. Half-way between the last valve before and the first after it,
     pub at: f64,
-    /// and its 95 % interval: from the last valve before to the first after, over all splits that explain the valves about as well.
+    /// and its 95 % interval, from a valve to a valve.
     pub between: (f64, f64),
     /// Whether the column holds dates.
     pub is_date: bool,
@@ -23,12 +24,13 @@ pub struct Onset {
     pub after: (usize, usize),
 }
 
-/// A split of a group: its number, its neighbours, how many have it before and after, and what it explains.
+/// A split of a group: the valves on both sides, how many have it before and after, what it explains, and how far that speaks for it.
 struct Split {
     between: (f64, f64),
     before: (usize, usize),
     after: (usize, usize),
     gain_nats: f64,
+    evidence_nats: f64,
 }
 
 /// The split of a group along a number that separates those with an effect best from those without, where it beats
@@ -43,8 +45,7 @@ pub fn onset(columns: &[(String, bool)], numbers: &[Vec<Option<f64>>], has: &[bo
         if best.gain_nats <= GIVEN_NATS + 0.5 * (at.len() as f64).ln() {
             return None;
         }
-        let likely = splits.iter().filter(|s| s.gain_nats > best.gain_nats - AS_LIKELY_NATS);
-        let between = likely.fold(best.between, |(low, high), s| (low.min(s.between.0), high.max(s.between.1)));
+        let between = interval(&splits);
         let Split { before, after, .. } = *best;
         let at = 0.5 * (best.between.0 + best.between.1);
         Some((best.gain_nats, Onset { column: column.clone(), at, between, is_date: *is_date, before, after }))
@@ -55,17 +56,44 @@ pub fn onset(columns: &[(String, bool)], numbers: &[Vec<Option<f64>>], has: &[bo
 /// All splits of valves in the order of a number behind which the effect is more frequent.
 fn splits(at: &[(f64, bool)]) -> Vec<Split> {
     let hits = at.iter().filter(|a| a.1).count();
+    let as_one = likelihood((hits, at.len()));
     let mut hits_before = 0;
     let mut splits = Vec::new();
     for (k, pair) in at.windows(2).enumerate() {
         hits_before += usize::from(pair[0].1);
         let (before, after) = ((hits_before, k + 1), (hits - hits_before, at.len() - k - 1));
         if pair[0].0 < pair[1].0 && after.0 * before.1 > before.0 * after.1 {
-            let gain_nats = likelihood(before) + likelihood(after) - likelihood((hits, at.len()));
-            splits.push(Split { between: (pair[0].0, pair[1].0), before, after, gain_nats });
+            let gain_nats = likelihood(before) + likelihood(after) - as_one;
+            let evidence_nats = evidence(before) + evidence(after);
+            splits.push(Split { between: (pair[0].0, pair[1].0), before, after, gain_nats, evidence_nats });
         }
     }
     splits
+}
+
+/// Between which valves an onset lies that may be anywhere alike before the valves are looked at: the splits in their order but for a tail
+/// on either side. The likelihood ratio of the best is no measure of that: an onset is no parameter that it bends around.
+fn interval(splits: &[Split]) -> (f64, f64) {
+    let most = splits.iter().map(|s| s.evidence_nats).fold(f64::NEG_INFINITY, f64::max);
+    let belief: Vec<f64> = splits.iter().map(|s| (s.between.1 - s.between.0) * (s.evidence_nats - most).exp()).collect();
+    let tail = TAIL * belief.iter().sum::<f64>();
+    let first = beyond(belief.iter(), tail);
+    let last = splits.len() - 1 - beyond(belief.iter().rev(), tail);
+    (splits[first].between.0, splits[last].between.1)
+}
+
+/// The first with which those up to it weigh more than `tail`.
+fn beyond<'a>(weights: impl Iterator<Item = &'a f64>, tail: f64) -> usize {
+    let sums = weights.scan(0.0, |sum, weight| {
+        *sum += weight;
+        Some(*sum)
+    });
+    sums.take_while(|sum| *sum <= tail).count()
+}
+
+/// Log-likelihood of `k` of `n` at a rate that is not known (Jeffreys's prior).
+fn evidence((k, n): (usize, usize)) -> f64 {
+    ln_beta(k as f64 + 0.5, (n - k) as f64 + 0.5)
 }
 
 /// Log-likelihood of `k` of `n` at its own rate.
@@ -95,6 +123,28 @@ mod tests {
         (mixed[6].1, mixed[10].1) = (true, false);
         let found = along(&mixed).unwrap();
         assert!(found.between.0 <= 50.0 && found.between.1 >= 150.0 && (found.between.0..found.between.1).contains(&found.at), "{found:?}");
+    }
+
+    #[test]
+    fn an_onset_lies_in_its_interval_as_often_as_that_says() {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_pcg::Pcg64::seed_from_u64(11);
+        for (count, wrong) in [(15, 0.0), (15, 0.05), (40, 0.1), (200, 0.25)] {
+            let (mut told, mut held) = (0, 0);
+            while told < 500 {
+                let truth = random.random_range(0.0..1.0);
+                let valve = |random: &mut rand_pcg::Pcg64| {
+                    let at = random.random_range(0.0..1.0);
+                    (at, (at > truth) != random.random_bool(wrong))
+                };
+                let valves: Vec<(f64, bool)> = (0..count).map(|_| valve(&mut random)).collect();
+                if let Some(found) = along(&valves) {
+                    told += 1;
+                    held += usize::from((found.between.0..=found.between.1).contains(&truth));
+                }
+            }
+            assert!(held * 100 >= 95 * told, "{held} of {told} with {count} valves, {wrong} of them named wrongly");
+        }
     }
 
     #[test]

@@ -15,7 +15,7 @@
 use super::block::{Block, Dynamic, Point, Step};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::first_order_lag::LINEAR;
-use super::flow::{Flow, RESOLUTION_BAR, gone};
+use super::flow::{Flow, RESOLUTION_BAR, towards};
 use super::power::Power;
 use crate::units::{RATIO, TIME};
 
@@ -111,11 +111,7 @@ impl Soft {
                 let (end, sum) = flow.towards(target, output, steps);
                 (end, sum / steps)
             }
-            None => {
-                let gone = gone(steps);
-                let away = output - target;
-                (output - away * gone, if steps > 1e-9 { away * gone / steps } else { away })
-            }
+            None => towards(target, output, steps),
         }
     }
 

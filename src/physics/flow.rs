@@ -41,7 +41,7 @@ impl Flow {
 
 /// The share 1 - exp(-q) of its way that a linear lag has gone after `q` time constants. For time constants that change as they go.
 #[inline]
-pub(super) fn gone(q: f64) -> f64 {
+fn gone(q: f64) -> f64 {
     if q >= 2.0 {
         return 1.0 - (-q).exp();
     }
@@ -50,6 +50,15 @@ pub(super) fn gone(q: f64) -> f64 {
     let square = z * z;
     let above = z * (945.0 + square * (105.0 + square));
     2.0 * above / (945.0 + square * (420.0 + 15.0 * square) + above)
+}
+
+/// A linear lag from `output` behind an input that stands at `target`, after `q` time constants: its end, and its mean distance from the
+/// target on the way. For time constants that change as they go.
+#[inline]
+pub(super) fn towards(target: f64, output: f64, q: f64) -> (f64, f64) {
+    let gone = gone(q);
+    let away = output - target;
+    (output - away * gone, if q > 1e-9 { away * gone / q } else { away })
 }
 
 /// A linear lag from `output` behind an input on a straight line from `a` to `b` that lasts `q` time constants: its end,

@@ -16,7 +16,7 @@
 
 use super::block::{Block, Dynamic, Point, Step};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
-use super::flow::{RESOLUTION_BAR, gone};
+use super::flow::along_line;
 use super::power::Power;
 use crate::units::{PRESSURE, PRESSURE_RATE, RATIO};
 
@@ -78,8 +78,7 @@ impl Effect for FlowLimit {
         let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
         let supply_bar = 1.5 * span_bar;
         let shape = theta[2];
-        let slowest = theta[0].min(theta[1]) * context.dt_s * if shape > 0.0 { LEAST_SHARE.powf(shape) } else { 1.0 };
-        let free = if theta[3] > 0.0 { 0.0 } else { slowest };
+        let free = theta[0].min(theta[1]) * context.dt_s * if shape > 0.0 { LEAST_SHARE.powf(shape) } else { 1.0 };
         Block::dynamic(Limit {
             rise: theta[0] * context.dt_s,
             fall: theta[1] * context.dt_s,
@@ -128,25 +127,28 @@ impl Limit {
         }
     }
 
-    /// From `output` towards `target` in `share` of a step, and the integral over it: at the limit until the band, and as a lag within it.
+    /// From `output` behind an input on a straight line from `a` to `b` in `share` of a step, and the integral over it: at the limit until
+    /// the band, as a lag within it, and without one along with the input.
     #[inline]
-    fn with_band(&self, target: f64, output: f64, share: f64) -> (f64, f64) {
-        let edge = target - self.band.copysign(target - output);
+    fn after(&self, mut a: f64, b: f64, output: f64, share: f64) -> (f64, f64) {
         let (mut output, mut sum, mut rest) = (output, 0.0, share);
-        if (target - output).abs() > self.band {
+        if (b - output).abs() > self.band {
+            let edge = b - self.band.copysign(b - output);
             let (end, integral, time) = self.towards(edge, output, share);
             rest = share - time;
+            a += (b - a) * time / share;
             (output, sum) = (end, integral - rest * end);
         }
         if rest <= 0.0 {
             return (output, sum);
         }
-        let (rate, _, drive) = self.driven(target > output, output);
+        if self.band == 0.0 {
+            return (b, sum + 0.5 * rest * (a + b));
+        }
+        let (rate, _, drive) = self.driven(b > output, output);
         let rate = rate * self.shape.as_ref().map_or(1.0, |(_, power)| power.of(drive.max(LEAST_SHARE)));
-        let (steps, away) = (rest * rate / self.band, target - output);
-        let gone = gone(steps);
-        let lasting = if steps > 1e-9 { away * gone / steps } else { away };
-        (output + away * gone, sum + rest * (target - lasting))
+        let (end, mean) = along_line(output, rest * rate / self.band, a, b);
+        (end, sum + rest * mean)
     }
 
     /// From `output` as far towards `target` as the limits let it in `share` of a step, the integral over it, and how long it moved.
@@ -236,22 +238,14 @@ impl Dynamic for Limit {
     fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
         let change = (input.to - from).abs();
         let bow = (input.mean - 0.5 * (from + input.to)).abs();
-        if input.jump == 0.0 && self.output == from && change + 6.0 * bow <= self.free {
+        if self.band == 0.0 && input.jump == 0.0 && self.output == from && change + 6.0 * bow <= self.free {
             self.output = input.to;
             return input;
         }
         let mut mean = 0.0;
-        if self.band > 0.0 {
-            input.pieces(from, self.left, RESOLUTION_BAR, |share, a, b| {
-                let (output, sum) = self.with_band(0.5 * (a + b), self.output, share);
-                self.output = output;
-                mean += sum;
-            });
-            return Step { to: self.output, mean, jump: 0.0 };
-        }
         let most = change.max(input.jump.abs()).max(bow) / PARTS;
-        input.pieces(from, self.left, most.max(self.free), |share, _, b| {
-            let (output, sum, _) = self.towards(b, self.output, share);
+        input.pieces(from, self.left, most.max(self.free), |share, a, b| {
+            let (output, sum) = self.after(a, b, self.output, share);
             self.output = output;
             mean += sum;
         });

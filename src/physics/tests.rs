@@ -240,6 +240,35 @@ fn what_an_effect_holds_comes_out_of_it() {
         assert!(rms < 5e-3, "{} as {}: {rms} bar", effect.id(), nested.id);
     }
 }
+
+/// A fit that stands at such a bound is told nonsense by its derivative otherwise, and stays where it is.
+#[test]
+fn what_is_nothing_by_default_begins_with_nothing() {
+    let time: Vec<f64> = (0..current().len()).map(|k| k as f64 * 0.01).collect();
+    let mut wrong = Vec::new();
+    for effect in EFFECTS {
+        for (theta, (k, parameter)) in effect.examples().iter().flat_map(|e| effect.parameters().iter().enumerate().map(move |p| (e, p))) {
+            let range = parameter.range;
+            let Some(least) = parameter.default.filter(|d| *d == range.0) else { continue };
+            // When an event comes, and what a spool does that sticks again and again, go by jumps.
+            if parameter.name == "from" || effect.id() == "stiction" {
+                continue;
+            }
+            let with = |value: f64| {
+                let mut theta = theta.clone();
+                theta[k] = value;
+                simulate(&valve(vec![specification(*effect, &theta)]), Input::Ramp, &time, &current()).unwrap()
+            };
+            let (none, hardly) = (with(least), with(least + 1e-6 * (range.1 - range.0)));
+            let rms = (none.iter().zip(&hardly).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / none.len() as f64).sqrt();
+            if rms > 1e-4 {
+                wrong.push(format!("{} {theta:?} {}: {rms} bar", effect.id(), parameter.name));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
 #[test]
 fn the_simulated_loop_turns_unstable_where_the_sampled_margins_say() {
     // k = 0.04 bar/mA, tau = 10 ms, T_d = 40 ms at 100 Hz: K_P up to 27.50 mA/bar with K_I = 0, by the modified z-transform
