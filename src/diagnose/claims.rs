@@ -30,7 +30,7 @@ impl Findings<'_, '_> {
     pub fn accuracy_bar(&self, named: bool) -> f64 {
         let (criteria, noise) = (&self.fitter.criteria, self.noise_bar());
         if let Some(good) = self.good.filter(|good| !good.is_denied()) {
-            let most = if named { criteria.structure_named } else { criteria.structure_known };
+            let most = if named { criteria.structure_named } else { criteria.another_drive };
             return ((most * noise.hypot(good.form_error_bar())).powi(2) - noise * noise).max(0.0).sqrt().max(good.form_error_bar());
         }
         let identified = self.base.valve.identification.as_ref().and_then(|i| i.rmse).map_or(0.0, crate::units::Pressure::value);
@@ -82,7 +82,7 @@ impl Findings<'_, '_> {
 
     /// Whether that is more than a good valve is off from one drive to the next.
     fn is_another_state(&self, (over_all, in_class): (f64, f64)) -> bool {
-        over_all >= self.fitter.criteria.structure_known || in_class > self.fitter.criteria.of_class
+        over_all >= self.fitter.criteria.another_drive || in_class > self.fitter.criteria.of_class
     }
 
     /// The data of the good valve, unless the record is no farther off the model, as that data has it and without any refit, than that

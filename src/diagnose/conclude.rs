@@ -14,7 +14,7 @@ use super::heldout::{HeldOut, blocks, held_out};
 use super::locate::locate;
 use super::model::{Model, Simulator};
 use super::remainder::remainder;
-use super::scatter::Scattered;
+use super::scatter::{Scattered, give_back, mask};
 use super::search::Search;
 use crate::physics::{EFFECTS, Kind};
 use crate::recording::Recording;
@@ -115,10 +115,11 @@ impl<'a> Findings<'_, 'a> {
     pub fn conclude(self) -> Diagnosed {
         let (fitter, search) = (self.fitter, &self.search);
         let evidence = fitter.evidence;
-        let measured_all = evidence.pressure_bar();
+        let mut measured_all = evidence.pressure_bar();
         let base_bar = self.as_given();
         let (refit_bar, augmented_bar) = (self.simulated(&search.null), self.simulated(&search.chosen));
         let base_residual: Vec<f64> = measured_all.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
+        give_back(self.scattered, &mut measured_all);
         let (refit_held, chosen_held) = rayon::join(|| held_out(fitter, &search.null, 6), || held_out(fitter, &search.chosen, 6));
         let mut findings = self.course_findings(&chosen_held);
         findings.extend(self.scattered.iter().map(|s| scatter_finding(s, fitter, self.good)));
@@ -128,9 +129,7 @@ impl<'a> Findings<'_, 'a> {
 
         // Readings that were left out, but that no named cause has spoilt, are part of what is left.
         let mut counted = self.settled(&measured_all);
-        for k in self.scattered.iter().flat_map(|s| &s.finding.masked) {
-            counted[*k] = f64::NAN;
-        }
+        mask(self.scattered, &mut counted);
         let residual: Vec<f64> = counted.iter().zip(&augmented_bar).map(|(y, p)| y - p).collect();
         let standardised = self.standardised(&residual);
         let block = blocks(fitter);
@@ -421,13 +420,14 @@ fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>, good: Option<&Good>) -> (
         )
     };
     let parameters = s.effect.parameters().iter().enumerate().map(estimate).collect();
+    let given_back: Vec<f64> = f.restored.iter().zip(fitter.evidence.pressure_bar()).map(|(was, read)| was - read).collect();
     let finding = Finding {
         id: s.effect.id().into(),
-        claim: if good.is_some_and(|g| !g.scatters(s.effect, &f.theta)) { Claim::Changed } else { Claim::Lacks },
+        claim: if good.is_some_and(|g| !g.scatters(s.effect, f)) { Claim::Changed } else { Claim::Lacks },
         share: 1.0,
         is_class: false,
         parameters,
-        heldout_gain_bar: rms(&f.spread_bar),
+        heldout_gain_bar: if f.restored.is_empty() { rms(&f.spread_bar) } else { rms(&given_back) },
         heldout_gain_ci_bar: None,
         // Chance of such a likelihood by Wilks' theorem, bounded by what a test of this size can say.
         p_value: (-f.gain_nats).exp().max(1e-6),

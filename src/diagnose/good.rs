@@ -13,12 +13,12 @@ use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
 use super::foreign::Foreign;
 use super::model::{Model, Simulator};
-use super::scatter::{Scattered, scatter};
-use super::search::{recalibrated, search_in};
+use super::scatter::{mask, restored, scatter};
+use super::search::search_in;
 use super::trust::Trust;
 use super::{comparable, settled};
 use crate::course::{Course, Preparation};
-use crate::physics::{Effect, Scatter};
+use crate::physics::{Effect, Scatter, ScatterFinding};
 use crate::recording::Recording;
 use crate::valve::{Identification, Valve};
 
@@ -129,11 +129,9 @@ impl Good {
         }
         let unsettled = settled::unsettled(&mut evidence, &base);
         let mut fitter = Fitter::without(&evidence, &unsettled);
-        let (null, base) = recalibrated(&fitter, base);
-        let masked: Vec<Scattered> = scatter(&fitter, &null, |_| true);
-        for k in masked.iter().flat_map(|s| &s.finding.masked) {
-            fitter.measured[*k] = f64::NAN;
-        }
+        let (null, base, mut masked) = restored(&mut fitter, base);
+        masked.extend(scatter(&fitter, &null, |e| !e.restores()));
+        mask(&masked, &mut fitter.measured);
         let short = excerpt(&fitter, &base, Some(&null));
         (fitter.criteria.worth, fitter.criteria.rounds) = (fitter.criteria.worth_of_form, fitter.criteria.rounds_of_form);
         let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
@@ -209,9 +207,9 @@ impl Good {
     }
 
     /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.
-    pub fn scatters(&self, effect: &dyn Effect, theta: &[f64]) -> bool {
+    pub fn scatters(&self, effect: &dyn Effect, found: &ScatterFinding) -> bool {
         let noisier = Criteria::default().noisier;
-        let is_no_larger = |known: &[f64]| theta.iter().zip(known).all(|(here, there)| here.abs() <= noisier * there.abs());
+        let is_no_larger = |known: &[f64]| found.theta.iter().zip(known).all(|(here, there)| here.abs() <= noisier * there.abs());
         if self.scatter.iter().any(|(id, known)| *id == effect.id() && is_no_larger(known)) {
             return true;
         }
@@ -229,7 +227,7 @@ impl Good {
             delay_s: calibrated[AT.late],
             lag_s: calibrated[AT.lag],
         };
-        effect.scatter_nats(theta, &look).is_some_and(|nats| nats > 0.0)
+        effect.scatter_nats(found, &look).is_some_and(|nats| nats > 0.0)
     }
 
     /// That data as a search looks at it.

@@ -71,7 +71,7 @@ use evidence::Evidence;
 use fit::Fitter;
 use good::Good;
 use model::Model;
-use scatter::scatter;
+use scatter::{mask, restored, scatter};
 
 use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Kind};
@@ -163,17 +163,14 @@ fn on_evidence(
         fitter = fitter.trusting(good.trust.clone());
     }
     // Readings that measure nothing go first, so that they hide nothing else.
-    let (null, base) = search::recalibrated(&fitter, base);
+    let (null, base, mut scattered) = restored(&mut fitter, base);
     // Neighbouring readings that a tone between the samples drives apart tell of more noise than there is error in all.
     fitter.floor_bar = fitter.floor_bar.min(null.rmse_bar.hypot(good.as_ref().map_or(0.0, Good::form_error_bar)));
-    let mut scattered = scatter(&fitter, &null, |_| true);
-    scattered.retain(|s| !s.finding.masked.is_empty());
-    for s in &scattered {
-        for k in &s.finding.masked {
-            fitter.measured[*k] = f64::NAN;
-        }
-        fitter.found.push(s.effect.id());
-    }
+    let mut spoilt = scatter(&fitter, &null, |e| !e.restores());
+    spoilt.retain(|s| !s.finding.masked.is_empty());
+    mask(&spoilt, &mut fitter.measured);
+    scattered.extend(spoilt);
+    fitter.found.extend(scattered.iter().map(|s| s.effect.id()));
     let short = excerpt::excerpt(&fitter, &base, Some(&null));
     let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
     let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);

@@ -2,7 +2,8 @@
 
 use super::base::AT;
 use super::fit::{Fit, Fitter};
-use super::model::Simulator;
+use super::model::{Model, Simulator};
+use super::search::recalibrated;
 use crate::physics::{EFFECTS, Effect, Scatter, ScatterFinding, specification};
 use crate::valve::EffectSpec;
 
@@ -19,6 +20,30 @@ impl Scattered {
     pub fn specification(&self) -> Option<EffectSpec> {
         (!self.finding.is_event).then(|| specification(self.effect, &self.finding.theta))
     }
+}
+
+/// Readings as the pressure was, where what changed them can be undone.
+pub fn give_back(scattered: &[Scattered], measured_bar: &mut [f64]) {
+    for finding in scattered.iter().map(|s| &s.finding).filter(|f| !f.restored.is_empty()) {
+        measured_bar.copy_from_slice(&finding.restored);
+    }
+}
+
+/// Leaves out readings that measure nothing.
+pub fn mask(scattered: &[Scattered], measured_bar: &mut [f64]) {
+    for k in scattered.iter().flat_map(|s| &s.finding.masked) {
+        measured_bar[*k] = f64::NAN;
+    }
+}
+
+/// The recalibrated model, on readings that are given back first where that can be told, and by which effects they were changed.
+pub fn restored<'a>(fitter: &mut Fitter<'_>, base: Model<'a>) -> (Fit<'a>, Model<'a>, Vec<Scattered>) {
+    // About the model as given: a recalibration takes half of what is read away for a zero that is off.
+    let as_given = fitter.score(&mut Simulator::new(fitter.evidence), &base, &base.calibrated(), &mut Vec::new());
+    let changed = scatter(fitter, &as_given, |e| e.restores());
+    give_back(&changed, &mut fitter.measured);
+    let (null, base) = recalibrated(fitter, base);
+    (null, base, changed)
 }
 
 /// Those of the effects asked for whose signature shows in the scatter about this fit, or in stretches of their own.

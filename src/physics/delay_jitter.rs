@@ -51,8 +51,8 @@ impl Effect for DelayJitter {
         }];
         &PARAMETERS
     }
-    fn scatter_nats(&self, theta: Theta<'_>, of: &Scatter<'_>) -> Option<f64> {
-        let spread_bar: Vec<f64> = slopes(of).map(|slope| theta[0] * slope.abs()).collect();
+    fn scatter_nats(&self, found: &ScatterFinding, of: &Scatter<'_>) -> Option<f64> {
+        let spread_bar: Vec<f64> = slopes(of).map(|slope| found.theta[0] * slope.abs()).collect();
         Some(nats(of, of.noise_bar, &spread_bar))
     }
     /// The error over the slope of the pressure where it is steep: a time shift of its own for each message.
@@ -132,6 +132,7 @@ impl Effect for DelayJitter {
                     "it does not depend on pressure, direction or slope".to_string()
                 }
             ),
+            ..ScatterFinding::default()
         })
     }
     fn linear(&self, theta: Theta<'_>) -> Option<LinearForm> {
@@ -291,7 +292,12 @@ mod tests {
     #[test]
     fn what_scatters_as_much_speaks_for_a_jitter_of_that_size_and_what_hardly_does_against_it() {
         let by_chance = |movement: usize, of_s: f64| if (movement * 2_654_435_761) % 97 < 40 { of_s } else { 0.0 };
-        let nats = |late_s: f64| look(|movement, _| by_chance(movement, late_s), |of| DelayJitter.scatter_nats(&[0.02], of));
+        let nats = |late_s: f64| {
+            look(
+                |movement, _| by_chance(movement, late_s),
+                |of| DelayJitter.scatter_nats(&ScatterFinding { theta: vec![0.02], ..ScatterFinding::default() }, of),
+            )
+        };
         assert!(nats(0.04).is_some_and(|nats| nats > 100.0), "{:?}", nats(0.04));
         assert!(nats(0.004).is_some_and(|nats| nats < -100.0), "{:?}", nats(0.004));
     }

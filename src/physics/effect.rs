@@ -274,8 +274,14 @@ pub trait Effect: Sync {
         None
     }
 
-    /// What the scatter of another recording says for it with these values [nats]; `None` where that cannot be said.
-    fn scatter_nats(&self, _: Theta<'_>, _: &Scatter<'_>) -> Option<f64> {
+    /// Whether [`Effect::scatter`] gives the readings back as the pressure was: it goes first then, so that what it did to them is not
+    /// taken for anything else.
+    fn restores(&self) -> bool {
+        false
+    }
+
+    /// What another recording says for what was found in a first one [nats]; `None` where that cannot be said.
+    fn scatter_nats(&self, _: &ScatterFinding, _: &Scatter<'_>) -> Option<f64> {
         None
     }
 
@@ -331,7 +337,7 @@ pub struct Scatter<'a> {
 }
 
 /// What an effect of the scatter found.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ScatterFinding {
     /// Its parameters.
     pub theta: Vec<f64>,
@@ -341,6 +347,10 @@ pub struct ScatterFinding {
     pub gain_nats: f64,
     /// Readings that are no measurement of the pressure and must not enter a fit.
     pub masked: Vec<usize>,
+    /// The fastest movement of the current at which it shows, where it depends on that [A/s].
+    pub shows_up_to_a_per_s: Option<f64>,
+    /// All readings as the pressure was, where it can be told from what it did to them; empty where not [bar].
+    pub restored: Vec<f64>,
     /// Standard deviation of what it adds to each sample [bar].
     pub spread_bar: Vec<f64>,
     /// Whether it came at times of its own, which say nothing of another drive: no model of the valve holds it then.

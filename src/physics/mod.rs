@@ -25,6 +25,7 @@ mod leakage;
 mod levels;
 mod linear;
 mod lost_messages;
+mod missing_codes;
 mod monotone;
 mod nonlocal_memory;
 mod oil_viscosity;
@@ -44,6 +45,7 @@ mod sensor_dead_band;
 mod sensor_drift;
 mod sensor_gain;
 mod sensor_lag;
+mod sensor_missing_codes;
 mod sensor_outliers;
 mod sensor_quantization;
 mod sensor_zero;
@@ -108,6 +110,7 @@ pub const EFFECTS: &[&dyn Effect] = &[
     &periodic_disturbance::PeriodicDisturbance,
     &sensor_outliers::SensorOutliers,
     &sensor_quantization::SensorQuantization,
+    &sensor_missing_codes::SensorMissingCodes,
 ];
 
 /// The effect with this id.

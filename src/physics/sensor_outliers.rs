@@ -110,6 +110,7 @@ impl Effect for SensorOutliers {
             ),
             masked,
             spread_bar,
+            ..ScatterFinding::default()
         })
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {

@@ -76,6 +76,7 @@ impl Effect for SensorQuantization {
             masked: Vec::new(),
             spread_bar: vec![step / 12f64.sqrt(); of.measured_bar.len()],
             evidence: format!("{n} readings take {} values only, all multiples of {step:.4} bar", values.len()),
+            ..ScatterFinding::default()
         })
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {

@@ -67,6 +67,7 @@ pub(super) fn stick_slip(of: &Scatter<'_>) -> Option<ScatterFinding> {
         gain_nats: found.nats,
         masked: Vec::new(),
         spread_bar,
+        shows_up_to_a_per_s: courses.last().map(|c| c.pace),
         is_event: true,
         evidence: format!(
             "where the current goes one way at up to {:.3} A/s the pressure rests and jumps: {} times by {:.2} bar after {:.1} mA each, and between jumps it goes {:.0} % of its way (the augmented model is without it: where the spool slips is chance)",
@@ -76,6 +77,7 @@ pub(super) fn stick_slip(of: &Scatter<'_>) -> Option<ScatterFinding> {
             1e3 * found.slip_a,
             100.0 * found.moved.max(0.0)
         ),
+        ..ScatterFinding::default()
     })
 }
 
@@ -113,8 +115,9 @@ impl<'c> Sticking<'c> {
 }
 
 /// What recordings of the good valve say for sticking [nats]: against it only where they move as slowly and do not show it.
-pub(super) fn stick_slip_elsewhere(band_a: f64, of: &Scatter<'_>) -> f64 {
-    let would_show = |c: &Course| c.travel_a > (FEWEST_SLIPS + 1) as f64 * band_a;
+pub(super) fn stick_slip_elsewhere(found: &ScatterFinding, of: &Scatter<'_>) -> f64 {
+    let most = found.shows_up_to_a_per_s.unwrap_or(f64::INFINITY);
+    let would_show = |c: &Course| c.travel_a > (FEWEST_SLIPS + 1) as f64 * found.theta[0] && c.pace <= most;
     let against: f64 = of.runs.iter().flat_map(|run| courses(of, run)).filter(would_show).map(|c| c.nats).sum();
     if against < -LEAST_NATS { against } else { LEAST_NATS }
 }
@@ -400,9 +403,13 @@ mod tests {
 
     #[test]
     fn a_good_valve_speaks_against_it_only_where_it_has_moved_as_slowly() {
-        let elsewhere = |of: &Scatter<'_>| stick_slip_elsewhere(0.02, of);
+        let found = |most| ScatterFinding { theta: vec![0.02], shows_up_to_a_per_s: most, ..ScatterFinding::default() };
+        let elsewhere = |of: &Scatter<'_>| stick_slip_elsewhere(&found(None), of);
         assert!(look(13.7, 0.05, |i| i, elsewhere) < 0.0);
         assert!(look(0.05, 0.05, |i| i, elsewhere) > 0.0);
         assert!(look(13.7, 0.05, sticking(0.02, 0.4), elsewhere) > 0.0);
+        // A spool that slides at 0.044 A/s may yet stick at 0.03 A/s.
+        assert!(look(13.7, 0.05, |i| i, |of| stick_slip_elsewhere(&found(Some(0.03)), of)) > 0.0);
+        assert!(look(13.7, 0.05, |i| i, |of| stick_slip_elsewhere(&found(Some(0.05)), of)) < 0.0);
     }
 }

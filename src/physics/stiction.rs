@@ -80,8 +80,8 @@ impl Effect for Stiction {
         let (least_a, most_a) = self.parameters()[0].range;
         stick_slip(of).filter(|found| (least_a..most_a).contains(&found.theta[0]))
     }
-    fn scatter_nats(&self, theta: Theta<'_>, of: &Scatter<'_>) -> Option<f64> {
-        Some(stick_slip_elsewhere(theta[0], of))
+    fn scatter_nats(&self, found: &ScatterFinding, of: &Scatter<'_>) -> Option<f64> {
+        Some(stick_slip_elsewhere(found, of))
     }
     fn stick_slip(&self, (resting, moving): (f64, f64)) -> Option<Vec<f64>> {
         let [_, slip, speed] = self.parameters() else { return None };

@@ -80,6 +80,7 @@ impl Effect for SupplySaturation {
                 list.join(", ")
             ),
             masked,
+            ..ScatterFinding::default()
         })
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {

@@ -77,6 +77,7 @@ pub(super) fn wandering_tone(of: &Scatter<'_>) -> Option<ScatterFinding> {
             band.stands_out,
             100.0 * band.power / variance
         ),
+        ..ScatterFinding::default()
     })
 }
 

@@ -58,6 +58,13 @@ fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
     assert!(changed.effects.iter().any(|f| f.claim == Claim::Changed), "{}", changed.summary);
     let as_ever = found(&restless);
     assert_eq!((as_ever.verdict, as_ever.effects.len()), (Verdict::Match, 0), "{}", as_ever.summary);
+    // One drive tells only so well how far another one will be off.
+    let farther = |times: f64| {
+        let record = disturbed(recording(&valve()), &|t| times * wanders(t + 3.0));
+        diagnose_against(&record, &valve(), std::slice::from_ref(&restless)).unwrap().diagnosis
+    };
+    assert_eq!(farther(1.7).verdict, Verdict::Match, "{}", farther(1.7).summary);
+    assert_eq!(farther(2.6).verdict, Verdict::Unexplained, "{}", farther(2.6).summary);
 }
 
 #[test]
