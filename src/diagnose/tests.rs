@@ -272,6 +272,25 @@ fn a_slow_wander_is_no_drift() {
 }
 
 #[test]
+fn a_bit_that_is_stuck_is_named_alone_and_the_augmented_model_reads_as_it_does() {
+    let mut stuck = recording(&valve());
+    let bit = |p: f64| (p / 0.5).floor().rem_euclid(2.0) == 1.0;
+    let run = &mut stuck.runs[0];
+    for p in run.pressure_bar.iter_mut().flatten() {
+        *p -= if bit(*p) { 0.5 } else { 0.0 };
+    }
+    let found = diagnose(&stuck, &valve()).unwrap();
+    let named: Vec<&str> = found.diagnosis.effects.iter().map(|e| e.id.as_str()).collect();
+    assert_eq!((named, found.diagnosis.verdict), (vec!["sensor_missing_codes"], Verdict::Explained), "{}", found.diagnosis.summary);
+    let run = &stuck.runs[0];
+    let simulated = simulate(&found.augmented, Input::Held, &run.time_s, &run.current_a).unwrap();
+    let mut off: Vec<f64> = run.pressure_bar.iter().flatten().zip(&simulated).map(|(y, p)| (y - p).abs()).collect();
+    off.sort_by(f64::total_cmp);
+    assert!(off[off.len() * 3 / 4] < 3.0 * NOISE_BAR, "{} bar, where the bit hides half a bar", off[off.len() * 3 / 4]);
+    assert!(found.diagnosis.rmse_bar.augmented_heldout < 0.3 * found.diagnosis.rmse_bar.base, "{:?}", found.diagnosis.rmse_bar);
+}
+
+#[test]
 fn a_supply_that_sags_at_times_of_its_own_is_named_and_no_part_of_the_augmented_model() {
     let mut sagging = recording(&valve());
     let run = &mut sagging.runs[0];

@@ -87,17 +87,19 @@ fn pass(of: &Scatter<'_>, k: usize, gaps: &mut [Gap]) {
     gap.passages += usize::from(is_near && readings_rest && simulated);
 }
 
-/// Whether the readings end at the bands as if cut off, within a quarter of the noise: those of a pressure that jumps thin out.
+/// Whether the readings end at the bands as if cut off: within half of the noise there lie as many as beyond, those aside that make the
+/// edges. Of a pressure that jumps the noise makes them thin out, to an eighth and less.
 fn is_cut(of: &Scatter<'_>, readings: &[f64], gaps: &[Gap], step: f64) -> bool {
     if step > 0.5 * of.noise_bar {
         return true;
     }
     let count = |from: f64, to: f64| readings.partition_point(|y| *y <= to) - readings.partition_point(|y| *y < from);
-    let beside =
-        |from: f64, to: f64| -> usize { gaps.iter().map(|g| count(g.from - to, g.from - from) + count(g.to + from, g.to + to)).sum() };
-    let (near, far) = (beside(0.0, 0.25 * of.noise_bar), beside(0.25 * of.noise_bar, of.noise_bar));
-    // As many per bar as beyond, or at least half of that.
-    near * 6 >= far
+    let (near, far) = (0.5 * of.noise_bar, 2.0 * of.noise_bar);
+    let both = |of: &dyn Fn(&Gap) -> [usize; 2]| gaps.iter().flat_map(of).sum::<usize>();
+    let at_edge = both(&|g| [count(g.from - near, g.from), count(g.to, g.to + near)]).saturating_sub(2 * gaps.len());
+    let beyond = both(&|g| [count(g.from - far, g.from - near), count(g.to + near, g.to + far)]);
+    // Three times as wide a stretch holds three times as many; half of what that makes is enough.
+    6 * at_edge >= beyond
 }
 
 /// Begin and period of the bands, and how well they are known, where the gaps are about `period` apart or multiples of that, and where

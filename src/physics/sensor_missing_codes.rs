@@ -170,19 +170,23 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, Normal};
 
-    /// What is found where the sensor reads a pressure as told, and the error of what it gives back [bar].
-    fn look(pressure: impl Fn(f64) -> f64, noise_bar: f64, read: impl Fn(f64) -> f64) -> Option<(ScatterFinding, f64)> {
+    /// What is found where the sensor reads a pressure as told, with noise before and behind that, and how often what it gives back is off.
+    fn look(
+        pressure: impl Fn(f64) -> f64,
+        (before_bar, behind_bar): (f64, f64),
+        read: impl Fn(f64) -> f64,
+    ) -> Option<(ScatterFinding, f64)> {
         let mut random = rand_pcg::Pcg64::seed_from_u64(3);
-        let noise = Normal::new(0.0, noise_bar).unwrap();
+        let [before, behind] = [before_bar, behind_bar].map(|bar| Normal::new(0.0, bar).unwrap());
         let simulated_bar: Vec<f64> = (0..9000).map(|k| pressure(0.01 * f64::from(k))).collect();
-        let sensed: Vec<f64> = simulated_bar.iter().map(|p| p + noise.sample(&mut random)).collect();
-        let measured_bar: Vec<f64> = sensed.iter().copied().map(read).collect();
+        let sensed: Vec<f64> = simulated_bar.iter().map(|p| p + before.sample(&mut random)).collect();
+        let measured_bar: Vec<f64> = sensed.iter().map(|p| read(*p) + behind.sample(&mut random)).collect();
         // A model that is off.
         let simulated_bar: Vec<f64> = simulated_bar.iter().map(|p| 1.004 * p + 0.05).collect();
         let runs = [0..4000, 4000..9000];
         let found = SensorMissingCodes.scatter(&Scatter {
             dt_s: 0.01,
-            noise_bar,
+            noise_bar: before_bar.hypot(behind_bar),
             measured_bar: &measured_bar,
             simulated_bar: &simulated_bar,
             current_a: &simulated_bar,
@@ -196,7 +200,7 @@ mod tests {
 
     /// Slow waves with quick steps between them.
     fn drive(t: f64) -> f64 {
-        12.0 + 4.0 * (0.6 * t).sin() + if (t / 15.0) as usize % 2 == 0 { 3.0 } else { 0.0 }
+        12.0 + 4.0 * (0.6 * t).sin() + if ((t / 15.0) as usize).is_multiple_of(2) { 3.0 } else { 0.0 }
     }
 
     #[test]
@@ -212,7 +216,7 @@ mod tests {
                     p - step
                 }
             };
-            let (found, off) = look(drive, 0.02, read).unwrap();
+            let (found, off) = look(drive, (0.02, 0.0), read).unwrap();
             let expected = if stuck_at_one { [step, step, 2.0 * step, 0.0] } else { [-step, step, 2.0 * step, step] };
             for (k, (value, expected)) in found.theta.iter().zip(expected).enumerate() {
                 let away = (value - expected).abs();
@@ -226,29 +230,24 @@ mod tests {
     fn codes_that_never_come_are_found_among_steps() {
         let code = |p: f64| (p / 0.1).floor();
         let read = |p: f64| 0.1 * if code(p).rem_euclid(8.0) == 7.0 { code(p) - 1.0 } else { code(p) };
-        let (found, _) = look(drive, 0.02, read).unwrap();
+        let (found, _) = look(drive, (0.02, 0.0), read).unwrap();
         assert!((found.theta[1] - 0.1).abs() < 0.02 && (found.theta[2] - 0.8).abs() < 0.02 && found.theta[0] < 0.0, "{:?}", found.theta);
-        assert!(look(drive, 0.02, |p| 0.1 * code(p)).is_none(), "steps alone");
-        assert!(look(drive, 0.02, |p| p.floor()).is_none(), "coarse steps");
+        assert!(look(drive, (0.02, 0.0), |p| 0.1 * code(p)).is_none(), "steps alone");
+        assert!(look(drive, (0.02, 0.0), |p| p.floor()).is_none(), "coarse steps");
     }
 
     #[test]
     fn a_sound_sensor_lacks_no_code() {
-        assert!(look(drive, 0.02, |p| p).is_none());
-        assert!(look(drive, 1e-6, |p| p).is_none(), "without noise");
+        assert!(look(drive, (0.02, 0.0), |p| p).is_none());
+        assert!(look(drive, (0.0, 1e-6), |p| p).is_none(), "without noise");
         let staircase = |t: f64| 5.0 + (t / 3.0).floor() % 8.0;
-        assert!(look(staircase, 0.02, |p| p).is_none(), "levels that the pressure steps between");
-        assert!(look(|_| 12.0, 0.02, |p| p).is_none(), "at rest");
+        assert!(look(staircase, (0.02, 0.0), |p| p).is_none(), "levels that the pressure steps between");
+        assert!(look(|_| 12.0, (0.02, 0.0), |p| p).is_none(), "at rest");
         // A valve that snaps from seat to seat, which its model does not know: the noise blurs what it leaves out.
-        let snaps = |p: f64| p + 0.5 * (p / 1.0).floor();
-        let mut random = rand_pcg::Pcg64::seed_from_u64(4);
-        let noise = Normal::new(0.0, 0.05).unwrap();
-        let blurred: Vec<f64> = (0..9000).map(|_| noise.sample(&mut random)).collect();
-        let count = std::cell::Cell::new(0);
-        let read = |p: f64| {
-            count.set(count.get() + 1);
-            snaps(p) + blurred[count.get() - 1]
-        };
-        assert!(look(drive, 0.05, read).is_none(), "a pressure that jumps by itself");
+        let snaps = |p: f64| p + 0.5 * p.floor();
+        for noise_bar in [0.05, 0.02, 0.01] {
+            let found = look(drive, (0.0, noise_bar), snaps);
+            assert!(found.is_none(), "a pressure that jumps by itself, with {noise_bar} bar of noise");
+        }
     }
 }
