@@ -49,7 +49,9 @@ pub(super) fn comb(of: &Scatter<'_>) -> Option<Comb> {
     apart.sort_by(f64::total_cmp);
     // The step of the readings themselves; next to nothing where they are fine.
     let step = apart[apart.len() / 4];
-    let wide = |w: &[f64]| w[1] - w[0] > (1.5 * step).max(of.noise_bar);
+    let digit = digit(&values);
+    // Steps that do not divide by the digit they are printed with come as one or two digits, two or three, and so on.
+    let wide = |w: &[f64]| w[1] - w[0] > (1.9 * step).max(2.5 * digit).max(of.noise_bar);
     let mut gaps: Vec<Gap> = values.windows(2).filter(|w| wide(w)).map(|w| Gap { from: w[0], to: w[1], passages: 0 }).collect();
     if gaps.len() < FEWEST {
         return None;
@@ -72,6 +74,12 @@ pub(super) fn comb(of: &Scatter<'_>) -> Option<Comb> {
     // Not every band between them need have been passed slowly.
     let (first, period, error_bar) = [3.0, 2.0, 1.0].into_iter().find_map(|parts| even(&gaps, nearest / parts, width, &readings))?;
     Some(Comb { first_bar: (first + 0.5 * step).rem_euclid(period), period_bar: period, width_bar: width - step, error_bar, passages })
+}
+
+/// The last digit that values are printed with; 0 where that is finer than any step of a converter [bar].
+pub(super) fn digit(values: &[f64]) -> f64 {
+    let is_of = |digit: &f64| values.iter().all(|v| (v / digit - (v / digit).round()).abs() < 1e-4);
+    [1.0, 0.1, 0.01, 0.001].into_iter().find(is_of).unwrap_or(0.0)
 }
 
 /// Counts a slow passage from sample `k` to the next.

@@ -228,11 +228,18 @@ mod tests {
 
     #[test]
     fn codes_that_never_come_are_found_among_steps() {
-        let code = |p: f64| (p / 0.1).floor();
-        let read = |p: f64| 0.1 * if code(p).rem_euclid(8.0) == 7.0 { code(p) - 1.0 } else { code(p) };
+        let code = |p: f64| (p / 0.11).floor();
+        let read = |p: f64| 0.11 * if code(p).rem_euclid(8.0) == 7.0 { code(p) - 1.0 } else { code(p) };
         let (found, _) = look(drive, (0.02, 0.0), read).unwrap();
-        assert!((found.theta[1] - 0.1).abs() < 0.02 && (found.theta[2] - 0.8).abs() < 0.02 && found.theta[0] < 0.0, "{:?}", found.theta);
-        assert!(look(drive, (0.02, 0.0), |p| 0.1 * code(p)).is_none(), "steps alone");
+        assert!((found.theta[1] - 0.11).abs() < 0.02 && (found.theta[2] - 0.88).abs() < 0.02 && found.theta[0] < 0.0, "{:?}", found.theta);
+        assert!(look(drive, (0.02, 0.0), |p| 0.11 * code(p)).is_none(), "steps alone");
+        for step in [0.0244, 0.037, 0.15, 0.1125, 0.26] {
+            let printed = |p: f64, digit: f64| ((p / step).floor() * step / digit).round() * digit;
+            for digit in [0.1, 0.01] {
+                let found = look(drive, (0.02, 0.0), |p| printed(p, digit));
+                assert!(found.is_none(), "steps of {step} printed to {digit}: {:?}", found.map(|f| f.0.theta));
+            }
+        }
         assert!(look(drive, (0.02, 0.0), |p| p.floor()).is_none(), "coarse steps");
     }
 

@@ -13,6 +13,7 @@
 
 use super::block::{Block, Point, Pointwise, Through};
 use super::effect::{Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::missing_codes::digit;
 use crate::units::PRESSURE;
 
 /// The effect `sensor_quantization`.
@@ -55,8 +56,7 @@ impl Effect for SensorQuantization {
         gaps.sort_by(f64::total_cmp);
         let rough = gaps[gaps.len() / 4];
         // A reading printed with few digits blurs the comb by a digit, and is no comb itself.
-        let digit =
-            [1.0, 0.1, 0.01, 0.001].into_iter().find(|d| values.iter().all(|v| (v / d - (v / d).round()).abs() < 1e-4)).unwrap_or(0.0);
+        let digit = digit(&values);
         let blur = 0.02 * rough + 1.05 * digit;
         let on_comb =
             gaps.iter().filter(|g| (*g / rough - (*g / rough).round()).abs() * rough <= blur * (*g / rough).round().max(1.0)).count();
