@@ -234,7 +234,7 @@ mod tests {
         assert!((found.theta[1] - 0.11).abs() < 0.02 && (found.theta[2] - 0.88).abs() < 0.02 && found.theta[0] < 0.0, "{:?}", found.theta);
         assert!(look(drive, (0.02, 0.0), |p| 0.11 * code(p)).is_none(), "steps alone");
         for step in [0.0244, 0.037, 0.15, 0.1125, 0.26] {
-            let printed = |p: f64, digit: f64| ((p / step).floor() * step / digit).round() * digit;
+            let printed = |p: f64, digit: f64| (((p / step).floor() * step + 0.02) / digit).round() * digit;
             for digit in [0.1, 0.01] {
                 let found = look(drive, (0.02, 0.0), |p| printed(p, digit));
                 assert!(found.is_none(), "steps of {step} printed to {digit}: {:?}", found.map(|f| f.0.theta));
