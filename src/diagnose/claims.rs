@@ -30,7 +30,7 @@ impl Findings<'_, '_> {
     pub fn accuracy_bar(&self, named: bool) -> f64 {
         let (criteria, noise) = (&self.fitter.criteria, self.noise_bar());
         if let Some(good) = self.good.filter(|good| !good.is_denied()) {
-            let most = if named { criteria.structure_named } else { criteria.another_drive };
+            let most = if named { criteria.structure_named } else { self.farther(good).0 };
             return ((most * noise.hypot(good.form_error_bar())).powi(2) - noise * noise).max(0.0).sqrt().max(good.form_error_bar());
         }
         let identified = self.base.valve.identification.as_ref().and_then(|i| i.rmse).map_or(0.0, crate::units::Pressure::value);
@@ -80,15 +80,27 @@ impl Findings<'_, '_> {
         (self.off_bar(&simulated_bar) / fitter.floor_bar, good.trust.as_ref().map_or(0.0, in_class))
     }
 
+    /// How many times as far as on its own data a good valve may be off on the drive of the record, over all and in one class of movements:
+    /// less where both are steps and nothing else.
+    fn farther(&self, good: &Good) -> (f64, f64) {
+        let criteria = &self.fitter.criteria;
+        if good.evidence.is_of_steps() && self.fitter.evidence.is_of_steps() {
+            (criteria.structure_known, criteria.of_class_alike)
+        } else {
+            (criteria.another_drive, criteria.of_class)
+        }
+    }
+
     /// Whether that is more than a good valve is off from one drive to the next.
-    fn is_another_state(&self, (over_all, in_class): (f64, f64)) -> bool {
-        over_all >= self.fitter.criteria.another_drive || in_class > self.fitter.criteria.of_class
+    fn is_another_state(&self, good: &Good, (over_all, in_class): (f64, f64)) -> bool {
+        let (most, most_in_class) = self.farther(good);
+        over_all >= most || in_class > most_in_class
     }
 
     /// The data of the good valve, unless the record is no farther off the model, as that data has it and without any refit, than that
     /// data is: nothing has changed then.
     pub fn good_of_another_state(&self) -> Option<&Good> {
-        self.good.filter(|good| self.is_another_state(self.beyond(good)))
+        self.good.filter(|good| self.is_another_state(good, self.beyond(good)))
     }
 
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
@@ -102,9 +114,9 @@ impl Findings<'_, '_> {
             let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
             self.off_bar(corrected.as_deref().unwrap_or(base_bar)) > criteria.structure_named * self.off_bar(refit_bar)
         };
-        self.is_another_state((over_all, in_class))
+        self.is_another_state(good, (over_all, in_class))
             && (!good.is_denied() || over_all > criteria.structure)
-            && (in_class > criteria.of_class || hides())
+            && (in_class > self.farther(good).1 || hides())
     }
 
     /// Whether most of what the chosen model gains over `without`, by an effect on the form of the loop or another one, lies behind

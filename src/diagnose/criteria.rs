@@ -62,6 +62,9 @@ pub struct Criteria {
     pub another_drive: f64,
     /// The same for one class of movements alone, which holds fewer readings: of eight such valves that have classes two reached 5 to 6.
     pub of_class: f64,
+    /// The same where both drives are steps alike, as in tests of one kind: healthy valves of our own, as a whole no farther off than they
+    /// were, reached 1.5 in their worst class.
+    pub of_class_alike: f64,
     /// The same sensor on the same rig is not this many times as noisy from one recording to the next, nor does it scatter so much more
     /// in another way.
     pub noisier: f64,
@@ -100,6 +103,7 @@ impl Default for Criteria {
             structure_known: 1.3,
             another_drive: 2.0,
             of_class: 6.0,
+            of_class_alike: 2.0,
             noisier: 2.0,
             excites: 0.3,
             reaches: 0.5,
