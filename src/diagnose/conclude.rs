@@ -420,14 +420,18 @@ fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>, good: Option<&Good>) -> (
         )
     };
     let parameters = s.effect.parameters().iter().enumerate().map(estimate).collect();
-    let given_back: Vec<f64> = f.restored.iter().zip(fitter.evidence.pressure_bar()).map(|(was, read)| was - read).collect();
+    let off_bar = if f.restored.is_empty() {
+        rms(&f.spread_bar)
+    } else {
+        rms(&f.restored.iter().zip(fitter.evidence.pressure_bar()).map(|(was, read)| was - read).collect::<Vec<f64>>())
+    };
     let finding = Finding {
         id: s.effect.id().into(),
         claim: if good.is_some_and(|g| !g.scatters(s.effect, f)) { Claim::Changed } else { Claim::Lacks },
         share: 1.0,
         is_class: false,
         parameters,
-        heldout_gain_bar: if f.restored.is_empty() { rms(&f.spread_bar) } else { rms(&given_back) },
+        heldout_gain_bar: off_bar,
         heldout_gain_ci_bar: None,
         // Chance of such a likelihood by Wilks' theorem, bounded by what a test of this size can say.
         p_value: (-f.gain_nats).exp().max(1e-6),
