@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::challenge_contestant::{DIAGNOSIS, DIAGNOSIS_2, Processes};
+use super::challenge_criteria::Tallies;
 use super::outputs::Force;
 use super::progress::left;
 use super::shard::Shard;
@@ -18,7 +19,7 @@ use crate::challenge::{
     hold_trial, write_text,
 };
 use crate::output::{Mark, Outputs};
-use crate::report::challenge as report;
+use crate::report::{challenge as report, thresholds};
 
 /// What to conceal, and how often.
 #[derive(Debug, Args)]
@@ -52,6 +53,9 @@ pub struct ChallengeArgs {
     /// Drive the experiment that a diagnosis asks for on the concealed valve, and ask again with both recordings
     #[arg(long, conflicts_with_all = ["broken", "record", "fleet"])]
     with_experiment: bool,
+    /// Ask about each valve again by every threshold of the diagnosis at half its value and at twice, and print what each is worth
+    #[arg(long, conflicts_with_all = ["broken", "record", "fleet", "with_experiment", "format"])]
+    criteria: bool,
     /// Only record into --out: a folder of recordings for each valve and truth.json beside them; nothing is asked
     #[arg(long, requires = "out")]
     record: bool,
@@ -154,7 +158,7 @@ fn hold(args: &ChallengeArgs, seed: u64, cases: &[Case], seal: &Seal, folder: &P
 
     let program = std::env::current_exe().map_err(|e| CliError { code: exit::INTERNAL, message: format!("own program: {e}") })?;
     let mut asked = Vec::new();
-    let (mut results, mut broken) = (Vec::new(), Vec::new());
+    let (mut results, mut broken, mut tallies) = (Vec::new(), Vec::new(), Tallies::default());
     let own: Vec<(usize, &Case)> = cases.iter().enumerate().filter(|(k, _)| args.shard.is_none_or(|s| s.holds(*k))).collect();
     let begun = std::time::Instant::now();
     for (done, (k, case)) in own.iter().copied().enumerate() {
@@ -166,7 +170,12 @@ fn hold(args: &ChallengeArgs, seed: u64, cases: &[Case], seal: &Seal, folder: &P
             continue;
         }
         let misfit = sealed.join(format!("case-{:02}", k + 1)).join("misfit.json");
-        results.push(held(case, &mut contestant, &misfit, args.with_experiment));
+        results.push(held(case, &mut contestant, &misfit, args.with_experiment).and_then(|trial| {
+            if args.criteria {
+                tallies.ask(case, trial.score.outcome, &contestant)?;
+            }
+            Ok(trial)
+        }));
         asked.push(case.clone());
         if let (ChallengeFormat::Text, Some(result)) = (args.format, results.last()) {
             super::print(&report::line(k + 1, case, result))?;
@@ -183,6 +192,12 @@ fn hold(args: &ChallengeArgs, seed: u64, cases: &[Case], seal: &Seal, folder: &P
             ChallengeFormat::Text | ChallengeFormat::Markdown => report::broken_text(&broken, args.format == ChallengeFormat::Markdown),
         })?;
         return Ok(exit::DONE);
+    }
+    if args.criteria {
+        let (usual, rows) = tallies.rows();
+        super::print(&thresholds::markdown(results.iter().flatten().count(), usual, rows))?;
+        results.iter().filter_map(|r| r.as_ref().err()).for_each(|words| super::note(words));
+        return Ok(if results.iter().any(Result::is_err) { exit::NEGATIVE } else { exit::DONE });
     }
     super::print(&match args.format {
         ChallengeFormat::Text => report::text(&results),

@@ -55,6 +55,20 @@ impl Processes<'_> {
     }
 }
 
+impl Processes<'_> {
+    /// What is answered on the record that lies there when one threshold is another one; kept beside it.
+    pub(super) fn by_criterion(&self, name: &str, value: f64) -> Result<Answer, String> {
+        let kept = format!("by-{name}-{value}.json");
+        if let Ok(answer) = self.answered(&kept) {
+            return Ok(answer);
+        }
+        let criterion = format!("{name}={value}");
+        let args = ["diagnose", "record.csv", "--model", "model.toml", "--criterion", criterion.as_str(), "--format", "json"];
+        write_text(&self.blind.join(&kept), &self.call(&self.blind, &args)?).map_err(|e| e.to_string())?;
+        self.answered(&kept)
+    }
+}
+
 impl Contestant for Processes<'_> {
     type Model = PathBuf;
 

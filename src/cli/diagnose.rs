@@ -12,7 +12,7 @@ use super::progress::Searching;
 use super::reading::distinct;
 use super::valves::{checked_valve, name_apart};
 use super::{CliError, CliResult, exit};
-use crate::diagnose::{Diagnosed, Verdict, diagnose_against, diagnose_foreign as against_foreign, story, tell_of_candidates};
+use crate::diagnose::{Diagnosed, Verdict, diagnose_by, diagnose_foreign as against_foreign, story, tell_of_candidates};
 use crate::exchange::{Attached, BaseFile};
 use crate::output::{Mark, Outputs};
 use crate::physics::effect;
@@ -53,7 +53,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
         tell_of_candidates(|tried| super::note(&serde_json::to_string(tried).unwrap_or_default()));
     }
     let working = (!args.watch).then(Searching::show);
-    let mut diagnosed = diagnose_against(&recording, &valve, &good).map_err(CliError::input)?;
+    let mut diagnosed = diagnose_by(&args.criteria()?, &recording, &valve, &good).map_err(CliError::input)?;
     drop(working);
     name_apart(&mut diagnosed.augmented, &valve);
     say(args, &diagnosed, next.as_ref(), &|diagnosed| diagnosed.augmented.to_toml())
@@ -63,7 +63,12 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
 fn foreign(args: &DiagnoseArgs, named: Named) -> CliResult {
     // What a simulation gave for the record says nothing of another drive.
     let no_reference = args.foreign.simulated.is_some() && !args.reference.is_empty();
-    let refused = [(no_reference, "--reference"), (!args.without.is_empty(), "--without"), (args.next_plan.is_some(), "--next-plan")];
+    let refused = [
+        (no_reference, "--reference"),
+        (!args.without.is_empty(), "--without"),
+        (args.next_plan.is_some(), "--next-plan"),
+        (!args.criterion.is_empty(), "--criterion"),
+    ];
     if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
         return Err(CliError::usage(format!(
             "{option}: is not had with this base: a foreign model is taken as it is, and a simulated pressure is known for its own drive only"

@@ -1,13 +1,16 @@
 //! The arguments of `hil diagnose`.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
+use super::CliError;
 use super::foreign_base::ForeignArgs;
 use super::jobs::JobsArgs;
 use super::outputs::Force;
 use super::reading::ReadArgs;
+use crate::diagnose::Criteria;
 
 /// What to diagnose.
 #[derive(Debug, Args)]
@@ -38,6 +41,9 @@ pub struct DiagnoseArgs {
     /// Takes a part out of the model first: an effect's id, `hysteresis` or `delay`
     #[arg(long, value_name = "PART")]
     pub(super) without: Vec<String>,
+    /// Decides by another threshold than the usual one, as `hil challenge --criteria` does to find what each is worth
+    #[arg(long, value_name = "NAME=VALUE", conflicts_with_all = ["jobs", "simulated"])]
+    pub(super) criterion: Vec<Criterion>,
     /// Exit with 1 where the verdict is not `match`
     #[arg(long, value_enum, value_name = "mismatch")]
     pub(super) fail_on: Option<FailOn>,
@@ -56,6 +62,34 @@ pub struct DiagnoseArgs {
     /// Show every candidate when its fit has ended: one JSON object a line on stderr.
     #[arg(long)]
     pub(super) watch: bool,
+}
+
+/// A threshold of a diagnosis with another value than the usual one.
+#[derive(Debug, Clone)]
+pub(super) struct Criterion {
+    name: String,
+    value: f64,
+}
+
+impl FromStr for Criterion {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |value: &str| value.trim().parse::<f64>().ok();
+        let (name, value) = text
+            .split_once('=')
+            .and_then(|(name, value)| Some((name.trim(), number(value)?)))
+            .ok_or_else(|| format!("`{text}` is no NAME=VALUE, such as name_share=0.6"))?;
+        Criteria::default().with(name, value)?;
+        Ok(Self { name: name.to_owned(), value })
+    }
+}
+
+impl DiagnoseArgs {
+    /// The thresholds: the usual ones, less those that were given.
+    pub(super) fn criteria(&self) -> Result<Criteria, CliError> {
+        self.criterion.iter().try_fold(Criteria::default(), |all, c| all.with(&c.name, c.value)).map_err(CliError::usage)
+    }
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

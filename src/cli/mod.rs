@@ -16,6 +16,7 @@ mod batch_open;
 mod batch_prompt;
 mod challenge;
 mod challenge_contestant;
+mod challenge_criteria;
 mod challenge_fleet;
 mod challenge_set;
 mod check;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::fit::{Fit, Fitter};
 use super::hollow::explains;
-use super::search::{CAUSE_FIRST, Search, confirmed};
+use super::search::{Search, confirmed};
 use crate::physics::Kind;
 
 /// Most causes that are tried in the place of a form.
@@ -39,7 +39,7 @@ pub fn cause_before_form(fitter: &Fitter<'_>, search: &mut Search<'_>) {
         .collect();
     let Some(best) = fitted.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective))) else { return };
     let gains = |fit: &Fit<'_>| less.bic(effective) - fit.bic(effective);
-    if gains(&best) > CAUSE_FIRST * gains(chosen) && explains(fitter, &search.null, &best) {
+    if gains(&best) > fitter.criteria.cause_first * gains(chosen) && explains(fitter, &search.null, &best) {
         let count = best.model.effects.len();
         let held = confirmed(fitter, best, false);
         if held.model.effects.len() == count {

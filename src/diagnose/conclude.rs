@@ -16,6 +16,7 @@ use super::model::{Model, Simulator};
 use super::remainder::remainder;
 use super::scatter::{Scattered, give_back, mask};
 use super::search::Search;
+use super::spread::between_models;
 use crate::physics::{EFFECTS, Kind};
 use crate::recording::Recording;
 use crate::valve::Valve;
@@ -301,7 +302,9 @@ impl<'a> Findings<'_, 'a> {
     /// The effects of the course with their importance.
     fn course_findings(&self, chosen_held: &HeldOut) -> Vec<(f64, Finding)> {
         let (fitter, chosen) = (self.fitter, &self.search.chosen);
-        let errors = fitter.standard_errors(chosen);
+        let between = between_models(fitter, chosen, &self.search.rounds);
+        let errors: Vec<f64> =
+            fitter.standard_errors(chosen).iter().zip(between).map(|(error, variance)| error.hypot(variance.sqrt())).collect();
         let effective = fitter.effective();
         let good = self.good_of_another_state();
         let plain_bar = fitter.plain_rmse_bar(chosen);

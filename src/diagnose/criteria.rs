@@ -1,10 +1,13 @@
 //! Every threshold on which a decision rests, in one value, each with its reason.
 
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
 /// Most effects that are claimed at once.
 pub const MOST_EFFECTS: usize = 3;
 
 /// The thresholds of a diagnosis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Criteria {
     /// A difference of BIC that counts as very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
     pub very_strong: f64,
@@ -46,6 +49,13 @@ pub struct Criteria {
     pub power: f64,
     /// Posterior share of a credible set.
     pub credible: f64,
+    /// A candidate with this share of the best one's gain is as good: the simpler one is taken,
+    pub as_good: f64,
+    /// and of two within this difference of BIC, which says nothing (Kass and Raftery 1995 call up to two a bare mention).
+    pub tie: f64,
+    /// Share of the gain of a free form from which on a cause goes before it, and of the best cause from which on a plainer one does
+    /// that follows the record: half, as for a name.
+    pub cause_first: f64,
     /// Most members of a credible set: beyond four it says nothing.
     pub members: usize,
     /// By how much data of the good valve must speak against an effect before it counts as a change [nats]: three are
@@ -96,6 +106,9 @@ impl Default for Criteria {
             likelier: 3.0,
             power: 0.5,
             credible: 0.9,
+            as_good: 0.985,
+            tie: 1.0,
+            cause_first: 0.5,
             members: 4,
             excluded_nats: 3.0,
             structure: 2.5,
@@ -107,6 +120,57 @@ impl Default for Criteria {
             noisier: 2.0,
             excites: 0.3,
             reaches: 0.5,
+        }
+    }
+}
+
+impl Criteria {
+    /// Every threshold, by its name, with its value.
+    pub fn values(&self) -> Vec<(String, f64)> {
+        self.fields().into_iter().filter_map(|(name, value)| Some((name, value.as_f64()?))).collect()
+    }
+
+    /// The same thresholds with another value of the one that is named; what is counted takes the nearest whole number, at least one.
+    ///
+    /// # Errors
+    /// Words that name the thresholds there are, or what a value has to be.
+    pub fn with(&self, name: &str, value: f64) -> Result<Self, String> {
+        let mut fields = self.fields();
+        let Some(field) = fields.get_mut(name) else {
+            let known: Vec<String> = fields.keys().cloned().collect();
+            return Err(format!("`{name}` is no threshold of a diagnosis; there are: {}", known.join(", ")));
+        };
+        if !(value.is_finite() && value > 0.0) {
+            return Err(format!("{name} = {value}: a threshold is a number above zero"));
+        }
+        *field = if field.is_u64() { Value::from(value.round().max(1.0) as u64) } else { Value::from(value) };
+        serde_json::from_value(Value::Object(fields)).map_err(|e| format!("{name} = {value}: {e}"))
+    }
+
+    fn fields(&self) -> Map<String, Value> {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(fields)) => fields,
+            _ => Map::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_threshold_is_set_by_its_name_and_the_others_stay() {
+        let (usual, values) = (super::Criteria::default(), super::Criteria::default().values());
+        assert!(values.iter().any(|(name, value)| name == "likelier" && *value == 3.0));
+        for (name, value) in values {
+            let other = usual.with(&name, 2.0 * value).unwrap();
+            assert_ne!(other, usual, "{name}");
+            assert_eq!(other.with(&name, value).unwrap(), usual, "{name}");
+        }
+        // What is counted stays a count.
+        assert_eq!(usual.with("members", 1.6).unwrap().members, 2);
+        assert!(usual.with("luck", 1.0).unwrap_err().contains("very_strong"), "{:?}", usual.with("luck", 1.0));
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(usual.with("net", wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -103,7 +103,7 @@ impl Good {
     ///
     /// # Errors
     /// [`DiagnoseError`] where that data cannot be used, or does not belong to the model.
-    pub fn of(recordings: &[&Recording], valve: &Valve, foreign: Option<&Foreign>) -> Result<Self, DiagnoseError> {
+    pub fn of(recordings: &[&Recording], valve: &Valve, foreign: Option<&Foreign>, criteria: Criteria) -> Result<Self, DiagnoseError> {
         let names: Vec<String> = recordings.iter().map(|r| r.source.clone()).collect();
         let all = Recording {
             source: names.join(", "),
@@ -113,6 +113,7 @@ impl Good {
         };
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
         let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
+        evidence.criteria = criteria;
         if let Some(foreign) = foreign {
             evidence.about(foreign)?;
         }
@@ -196,7 +197,7 @@ impl Good {
     /// at the identification is a reason for a diagnosis, not an excuse for what is off elsewhere. What differs from it has changed all
     /// the same.
     pub fn is_denied(&self) -> bool {
-        self.is_identification && self.worst_bar > Criteria::default().structure * self.evidence.noise_bar
+        self.is_identification && self.worst_bar > self.evidence.criteria.structure * self.evidence.noise_bar
     }
 
     /// The noise of a record of the same sensor [bar]: readings that stand still tell nothing of it, and that of the good valve's data
@@ -208,7 +209,7 @@ impl Good {
 
     /// Whether this data shows scatter of this kind and size as well: what is left of it is no smaller then.
     pub fn scatters(&self, effect: &dyn Effect, found: &ScatterFinding) -> bool {
-        let noisier = Criteria::default().noisier;
+        let noisier = self.evidence.criteria.noisier;
         let is_no_larger = |known: &[f64]| found.theta.iter().zip(known).all(|(here, there)| here.abs() <= noisier * there.abs());
         if self.scatter.iter().any(|(id, known)| *id == effect.id() && is_no_larger(known)) {
             return true;

@@ -37,6 +37,13 @@ impl HeldOut {
         Self { weighed: residual.clone(), residual, block }
     }
 
+    /// Of a residual whose readings weigh as the fitter has it.
+    pub fn weighing(fitter: &Fitter<'_>, residual: Vec<f64>, block: Vec<usize>) -> Self {
+        let mut weighed = residual.clone();
+        fitter.weigh(&mut weighed);
+        Self { residual, block, weighed }
+    }
+
     /// RMSE over all held-out stretches [bar].
     pub fn rmse_bar(&self) -> f64 {
         rms(&self.residual)
@@ -180,9 +187,7 @@ pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
             }
         }
     }
-    let mut weighed = residual.clone();
-    fitter.weigh(&mut weighed);
-    HeldOut { residual, block, weighed }
+    HeldOut::weighing(fitter, residual, block)
 }
 
 #[cfg(test)]

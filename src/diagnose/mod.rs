@@ -15,6 +15,7 @@ mod criteria;
 mod descent;
 mod diagnosis;
 mod discover;
+mod disturbance;
 mod error;
 mod errors;
 mod evidence;
@@ -42,6 +43,7 @@ mod seen;
 mod settled;
 mod signature;
 mod simulated;
+mod spread;
 mod start;
 mod stimuli;
 mod story;
@@ -51,6 +53,7 @@ mod weigh;
 mod words;
 
 pub use coil::{CoilCurrent, Side};
+pub use criteria::Criteria;
 pub use diagnosis::{
     Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Discovery, Errors, Estimate, Finding, Followed, NextExperiment, OnUnseen,
     Place, Region, Remainder, Rival, SCHEMA, Verdict, Window,
@@ -66,7 +69,6 @@ pub use watch::{Tried, tell_of_candidates};
 pub use words::{figure, paragraph, title, uncertainty};
 
 use conclude::Beside;
-use criteria::Criteria;
 use evidence::Evidence;
 use fit::Fitter;
 use good::Good;
@@ -92,7 +94,16 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
 /// # Errors
 /// As [`diagnose`]; also where data of the good valve does not belong to the model.
 pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
-    let evidence = Evidence::of(Course::of(recording, &Preparation::for_model(recording, valve))?)?;
+    diagnose_by(&Criteria::default(), recording, valve, good)
+}
+
+/// The same by other thresholds than the usual ones.
+///
+/// # Errors
+/// As [`diagnose_against`].
+pub fn diagnose_by(criteria: &Criteria, recording: &Recording, valve: &Valve, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
+    let mut evidence = Evidence::of(Course::of(recording, &Preparation::for_model(recording, valve))?)?;
+    evidence.criteria = *criteria;
     on_evidence(recording, evidence, valve, good, None)
 }
 
@@ -128,8 +139,8 @@ fn on_evidence(
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
-    let speaking = seen::speaking(&evidence, good, &Criteria::default());
-    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign)?) };
+    let speaking = seen::speaking(&evidence, good, &evidence.criteria);
+    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign, evidence.criteria)?) };
     if let Some(denied) = good.as_ref().filter(|good| good.is_denied()) {
         evidence.notes.push(format!(
             "the model, also with what could be mended, is off by {} RMSE on the one recording that it was identified from: that recording does not vouch for it",

@@ -5,7 +5,6 @@
 
 use std::collections::BTreeMap;
 
-use super::criteria::Criteria;
 use super::diagnosis::{Candidate, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, Remainder, SCHEMA, Verdict};
 use super::evidence::{Evidence, rms};
 use super::locate::locate;
@@ -198,7 +197,7 @@ fn diagnosed(
     let augmented_bar = Model::base(&augmented).map(|model| simulated(&model.on(evidence))).unwrap_or_else(|_| base_bar.clone());
     let base_residual: Vec<f64> = measured.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
     let noise = evidence.noise_bar;
-    let explained = augmented_heldout <= Criteria::default().structure_named * noise;
+    let explained = augmented_heldout <= evidence.criteria.structure_named * noise;
     let rest_bar = (augmented_heldout.powi(2) - noise.powi(2)).max(0.0).sqrt();
     let unexplained =
         (!explained).then(|| Remainder { rms_bar: rest_bar, depends_on: Vec::new(), table_heldout_gain_bar: 0.0, windows: Vec::new() });

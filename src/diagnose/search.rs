@@ -12,13 +12,6 @@ use super::model::{Model, Simulator};
 use super::watch;
 use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 
-/// A candidate with this share of the best one's gain is as good.
-const AS_GOOD: f64 = 0.985;
-/// A difference of BIC that says nothing.
-const TIE: f64 = 1.0;
-/// Share of the gain of a free form from which on a cause goes before it, and of the best cause from which on a plainer one does that
-/// follows the record.
-pub const CAUSE_FIRST: f64 = 0.5;
 /// Bounds on how many samples count as one.
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
 /// Share of the best candidate's gain from which on a candidate is fitted to the end.
@@ -175,12 +168,17 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
             continue;
         }
         let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
+        // A wander of which nothing is known takes the place of a name that does not go on better than it.
+        let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
+        if !signed && fit.model.effects[k].kind() == Kind::Course && with.loses_to_disturbance(fitter, &without) {
+            fit = less;
+            continue;
+        }
         let (gain, interval, p_value) = with.gain_over(&without);
         // Few events lie in few blocks, which no test of blocks finds certain; what is gained there is as much as was claimed.
         let carried = gain > fitter.criteria.carried * (less.rmse_bar - fit.rmse_bar) && fit.rmse_bar < less.rmse_bar;
         let recalibrates = fit.model.effects[k].recalibrates();
         let stood_in = (!fitter.squared || recalibrates) && less.prior_nats - fit.prior_nats > 0.5 * fitter.criteria.very_strong;
-        let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
         // Beside a cause that was found, a recalibration that does as well is the plainer answer; beside a form alone it is none where
         // gain or zero would go beyond what calibration allows.
         let beside_cause = fit.model.effects[..k].iter().any(|e| !e.imitates_form());
@@ -238,21 +236,21 @@ fn simplify(fitter: &Fitter<'_>, ranked: &mut [Ranked<'_>]) {
 /// The best candidate of worth; among those that are as good as it, the one with the fewest free parameters, then the
 /// one whose physics has the fewest.
 fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>]) -> Option<Fit<'a>> {
-    let effective = fitter.effective();
+    let (effective, criteria) = (fitter.effective(), &fitter.criteria);
     let gain = |r: &Ranked<'_>| incumbent.bic(effective) - r.fit.bic(effective);
     let mut worthy = ranked.iter().filter(|r| worth(fitter, incumbent, &r.fit));
     let mut best = worthy.next()?;
     // A free form imitates whatever changes the curve; a cause that explains half as much goes first.
     if best.effect.kind() == Kind::Form {
-        best = worthy.find(|r| r.effect.kind() == Kind::Course && gain(r) > CAUSE_FIRST * gain(best)).unwrap_or(best);
+        best = worthy.find(|r| r.effect.kind() == Kind::Course && gain(r) > criteria.cause_first * gain(best)).unwrap_or(best);
     }
     // What follows the record as well as the good valve's own data is followed needs no more: the rest repairs the form.
-    let known = fitter.criteria.structure_known;
+    let known = criteria.structure_known;
     let follows = |r: &Ranked<'_>| {
         let plainly = || fitter.plain_rmse_bar(&r.fit) < known * fitter.plain_floor_bar();
         fitter.against_good && r.fit.rmse_bar < known * fitter.floor_bar && plainly()
     };
-    let is_as_good = |r: &Ranked<'_>| gain(r) > AS_GOOD * gain(best) || gain(r) > CAUSE_FIRST * gain(best) && follows(r);
+    let is_as_good = |r: &Ranked<'_>| gain(r) > criteria.as_good * gain(best) || gain(r) > criteria.cause_first * gain(best) && follows(r);
     let as_good: Vec<&Ranked<'a>> =
         ranked.iter().filter(|r| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit)).collect();
     let fewest = as_good.iter().map(|r| r.fit.model.extra_parameters()).min()?;
@@ -260,7 +258,7 @@ fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>])
     let most = lean().map(|r| gain(r)).fold(f64::NEG_INFINITY, f64::max);
     // An effect at the edge of its range explains by what it does not mean to be.
     let nature = |r: &&&Ranked<'a>| (r.fit.at_edge(), r.effect.parameters().len());
-    lean().filter(|r| gain(r) > most - TIE).min_by_key(nature).map(|r| r.fit.clone())
+    lean().filter(|r| gain(r) > most - criteria.tie).min_by_key(nature).map(|r| r.fit.clone())
 }
 
 /// The incumbent, refitted from where its best challengers ended: otherwise it loses by its own missed optimum.

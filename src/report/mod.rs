@@ -16,6 +16,7 @@ mod page;
 pub mod plot;
 mod sharpened;
 mod text;
+pub mod thresholds;
 
 pub use html::{badge, html};
 pub use json::{json, without_provenance};

@@ -264,3 +264,23 @@ fn what_has_changed_behind_a_few_steps_is_not_hidden_by_all_the_readings_at_rest
         assert!((extra_s - delay_s).abs() < 0.01, "{}", late.summary);
     }
 }
+
+#[test]
+fn a_zero_that_wanders_gets_no_name_that_wanders_otherwise() {
+    let wandering = |seed: u64| {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let step = Normal::new(0.0, 0.012).unwrap();
+        let mut of = recording(&valve());
+        let mut at_bar = 0.0;
+        of.runs[0].pressure_bar.iter_mut().flatten().for_each(|p| {
+            at_bar += step.sample(&mut random);
+            *p += at_bar;
+        });
+        of
+    };
+    let good = [another_drive(&valve())];
+    for seed in [1, 2, 4] {
+        let found = diagnose_against(&wandering(seed), &valve(), &good).unwrap().diagnosis;
+        assert_eq!((found.verdict, found.effects.len()), (Verdict::Unexplained, 0), "{seed}: {}", found.summary);
+    }
+}
