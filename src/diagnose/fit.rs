@@ -100,6 +100,8 @@ pub struct Fitter<'e> {
     pub against_good: bool,
     /// Whether that data also vouches for the model: it follows it.
     pub is_vouched: bool,
+    /// Whether this is data of the good valve: what is found in it corrects the model, and is no name.
+    pub corrects: bool,
     /// Effects found before by stretches of the recording that no simulation can follow.
     pub found: Vec<&'static str>,
     /// Where the model is to be trusted less, as data of the good valve has it.
@@ -120,6 +122,7 @@ impl<'e> Fitter<'e> {
             criteria: evidence.criteria,
             against_good: false,
             is_vouched: false,
+            corrects: false,
             found: Vec::new(),
             trust: None,
             weights: Vec::new(),
@@ -137,8 +140,9 @@ impl<'e> Fitter<'e> {
 
     /// The same on a part of the evidence.
     pub fn looking_at<'s>(&self, part: &'s Evidence) -> Fitter<'s> {
-        let Self { tau_samples, squared, floor_bar, criteria, against_good, is_vouched, .. } = *self;
-        Fitter { tau_samples, squared, floor_bar, criteria, against_good, is_vouched, found: self.found.clone(), ..Fitter::new(part) }
+        let Self { tau_samples, squared, floor_bar, criteria, against_good, is_vouched, corrects, .. } = *self;
+        let found = self.found.clone();
+        Fitter { tau_samples, squared, floor_bar, criteria, against_good, is_vouched, corrects, found, ..Fitter::new(part) }
             .trusting(self.trust.clone())
     }
 

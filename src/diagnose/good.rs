@@ -135,6 +135,7 @@ impl Good {
         mask(&masked, &mut fitter.measured);
         let short = excerpt(&fitter, &base, Some(&null));
         (fitter.criteria.worth, fitter.criteria.rounds) = (fitter.criteria.worth_of_form, fitter.criteria.rounds_of_form);
+        fitter.corrects = true;
         let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
         let found = search_in(&mut fitter, looking.as_mut(), &base);
         let chosen = found.chosen;

@@ -170,7 +170,8 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
         let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
         // A wander of which nothing is known takes the place of a name that does not go on better than it.
         let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
-        if !signed && fit.model.effects[k].kind() == Kind::Course && with.loses_to_disturbance(fitter, &without) {
+        let is_name = !fitter.corrects && fit.model.effects[k].kind() == Kind::Course;
+        if is_name && !signed && with.loses_to_disturbance(fitter, &without) {
             fit = less;
             continue;
         }
