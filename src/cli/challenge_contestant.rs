@@ -53,12 +53,10 @@ impl Processes<'_> {
         let text = std::fs::read_to_string(self.blind.join(diagnosis)).map_err(|e| format!("{diagnosis}: {e}"))?;
         read_answer(&text, self.blind.join("commission.csv").exists())
     }
-}
 
-impl Processes<'_> {
     /// What is answered on the record that lies there when one threshold is another one; kept beside it.
     pub(super) fn by_criterion(&self, name: &str, value: f64) -> Result<Answer, String> {
-        let kept = format!("by-{name}-{value}.json");
+        let kept = format!("by-{name}-{value}-{}.json", env!("CARGO_PKG_VERSION"));
         if let Ok(answer) = self.answered(&kept) {
             return Ok(answer);
         }

@@ -84,7 +84,7 @@ impl Findings<'_, '_> {
     /// less where both are steps and nothing else.
     fn farther(&self, good: &Good) -> (f64, f64) {
         let criteria = &self.fitter.criteria;
-        if good.evidence.is_of_steps() && self.fitter.evidence.is_of_steps() {
+        if seen::is_of_steps(&good.evidence) && seen::is_of_steps(self.fitter.evidence) {
             (criteria.structure_known, criteria.of_class_alike)
         } else {
             (criteria.another_drive, criteria.of_class)
@@ -130,9 +130,9 @@ impl Findings<'_, '_> {
         };
         let gains = residual(without).into_iter().zip(residual(&self.search.chosen)).map(|(a, b)| a * a - b * b);
         let (mut unseen, mut all) = (0.0, 0.0);
-        let faster = seen::faster(&good.evidence, fitter.evidence, &fitter.criteria);
+        let faster = seen::faster(&good.evidence, fitter.evidence);
         let new = if of_form {
-            let smaller = seen::smaller(&good.evidence, fitter.evidence, &fitter.criteria);
+            let smaller = seen::smaller(&good.evidence, fitter.evidence);
             faster.into_iter().zip(smaller).map(|(faster, smaller)| faster || smaller).collect()
         } else {
             faster

@@ -15,10 +15,6 @@ const FEWEST_SAMPLES: usize = 200;
 const LEAST_NOISE_BAR: f64 = 1e-6;
 /// A current that moves in fewer samples than this share rests mostly.
 const RESTS: f64 = 0.05;
-/// A current that goes nearly all of its way in a tenth of the time is one of steps.
-const STEPS: (f64, f64) = (0.95, 0.1);
-/// The time over which it is seen to move [s]: a ramp goes a little way in each, however often it is sampled.
-const MOVES_IN_S: f64 = 0.1;
 
 /// Start between the two curves where nothing is known of it.
 pub const MIDDLE: f64 = 0.5;
@@ -112,20 +108,6 @@ impl Evidence {
         let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), i| (l.min(*i), h.max(*i)));
         let moves = self.grids.iter().flat_map(|g| g.current_a.windows(2)).filter(|w| (w[1] - w[0]).abs() > 1e-3 * (high - low)).count();
         (moves as f64) < RESTS * self.samples() as f64
-    }
-
-    /// Whether the current rests but for steps.
-    pub fn is_of_steps(&self) -> bool {
-        let mut ways: Vec<f64> = Vec::new();
-        for run in &self.grids {
-            let every = ((MOVES_IN_S / run.dt_s).round() as usize).max(1);
-            let thinned: Vec<f64> = run.current_a.iter().copied().step_by(every).collect();
-            ways.extend(thinned.windows(2).map(|w| (w[1] - w[0]).abs()));
-        }
-        ways.sort_by(|a, b| b.total_cmp(a));
-        let all: f64 = ways.iter().sum();
-        let few: f64 = ways[..(STEPS.1 * ways.len() as f64) as usize].iter().sum();
-        all > 0.0 && few >= STEPS.0 * all
     }
 
     /// Whether the samples are too far apart for a valve's dynamics, so that a process behind the valve is what they show.
@@ -235,19 +217,5 @@ pub mod tests {
     /// Runs of held commands with a noise of 20 mbar.
     pub fn held(grids: Vec<Run>) -> Evidence {
         Evidence::new(grids, 0.02, Input::Held)
-    }
-
-    #[test]
-    fn steps_are_steps_and_ramps_are_ramps_however_often_they_are_sampled() {
-        let of_steps = |rate_hz: f64, current_a: &dyn Fn(f64) -> f64| {
-            let current_a: Vec<f64> = (0..(60.0 * rate_hz) as usize).map(|k| current_a(k as f64 / rate_hz)).collect();
-            held(vec![Run::even(None, 0.0, 1.0 / rate_hz, current_a.clone(), current_a)]).is_of_steps()
-        };
-        for rate_hz in [10.0, 50.0, 100.0, 1000.0, 5000.0] {
-            assert!(of_steps(rate_hz, &|t_s| if ((t_s / 2.0) as usize).is_multiple_of(2) { 0.3 } else { 0.6 }), "steps at {rate_hz} Hz");
-            assert!(!of_steps(rate_hz, &|t_s| 0.2 + 0.6 * (1.0 - (t_s / 30.0 - 1.0).abs())), "a sweep at {rate_hz} Hz");
-            assert!(!of_steps(rate_hz, &|t_s| 0.5 + 0.3 * t_s.sin()), "an oscillation at {rate_hz} Hz");
-            assert!(!of_steps(rate_hz, &|_| 0.5), "no movement at {rate_hz} Hz");
-        }
     }
 }

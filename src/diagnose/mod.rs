@@ -139,7 +139,7 @@ fn on_evidence(
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
-    let speaking = seen::speaking(&evidence, good, &evidence.criteria);
+    let speaking = seen::speaking(&evidence, good);
     let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign, evidence.criteria)?) };
     if let Some(denied) = good.as_ref().filter(|good| good.is_denied()) {
         evidence.notes.push(format!(

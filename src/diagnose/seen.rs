@@ -1,7 +1,6 @@
 //! Which movements of the current data of the good valve shows, and which only the record does: what the good valve does in those,
 //! nobody knows.
 
-use super::criteria::Criteria;
 use super::evidence::Evidence;
 use crate::course::Run;
 use crate::recording::Recording;
@@ -9,12 +8,15 @@ use crate::recording::Recording;
 /// How long a valve shows a fast movement of the current [s].
 const BEHIND_S: f64 = 0.5;
 
+/// A current that goes nearly all of its way in a tenth of the time is one of steps.
+const STEPS: (f64, f64) = (0.95, 0.1);
+
 /// A turn of the current of less than this share of its range is no reversal that a loop would be seen by.
 const REVERSAL: f64 = 0.02;
 
 /// The recordings that move as fast as the record does, so that they can speak for the model on it.
-pub fn speaking<'r>(record: &Evidence, good: &'r [Recording], criteria: &Criteria) -> Vec<&'r Recording> {
-    let needed = criteria.excites * lively(&record.grids.iter().map(|g| (g.dt_s, g.current_a.as_slice())).collect::<Vec<_>>());
+pub fn speaking<'r>(record: &Evidence, good: &'r [Recording]) -> Vec<&'r Recording> {
+    let needed = record.criteria.excites * lively(&record.grids.iter().map(|g| (g.dt_s, g.current_a.as_slice())).collect::<Vec<_>>());
     let moves = |r: &&Recording| lively(&r.runs.iter().map(|run| (run.step_s(), run.current_a.as_slice())).collect::<Vec<_>>()) >= needed;
     good.iter().filter(moves).collect()
 }
@@ -23,14 +25,26 @@ pub fn speaking<'r>(record: &Evidence, good: &'r [Recording], criteria: &Criteri
 fn lively(runs: &[(f64, &[f64])]) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
     for (dt_s, current) in runs.iter().filter(|r| r.0 > 0.0) {
-        let every = tenth(*dt_s);
-        let thinned: Vec<f64> = current.iter().copied().filter(|i| i.is_finite()).step_by(every).collect();
-        for w in thinned.windows(2) {
-            sum += ((w[1] - w[0]) / (every as f64 * dt_s)).powi(2);
+        for way_a in ways(*dt_s, current) {
+            sum += (way_a / (tenth(*dt_s) as f64 * dt_s)).powi(2);
             n += 1.0;
         }
     }
     f64::sqrt(sum / f64::max(n, 1.0))
+}
+
+/// Whether the current rests but for steps: a ramp goes a little way in each tenth of a second, however often it is sampled.
+pub fn is_of_steps(evidence: &Evidence) -> bool {
+    let mut all: Vec<f64> = evidence.grids.iter().flat_map(|run| ways(run.dt_s, &run.current_a)).collect();
+    all.sort_by(|a, b| b.total_cmp(a));
+    let (few, whole) = (all[..(STEPS.1 * all.len() as f64) as usize].iter().sum::<f64>(), all.iter().sum::<f64>());
+    whole > 0.0 && few >= STEPS.0 * whole
+}
+
+/// The ways that the current goes from each tenth of a second to the next [A].
+fn ways(dt_s: f64, current_a: &[f64]) -> Vec<f64> {
+    let thinned: Vec<f64> = current_a.iter().copied().filter(|i| i.is_finite()).step_by(tenth(dt_s)).collect();
+    thinned.windows(2).map(|w| (w[1] - w[0]).abs()).collect()
 }
 
 /// How fast the current has moved over the tenth of a second before each sample [A/s].
@@ -40,8 +54,8 @@ fn rates(run: &Run) -> impl Iterator<Item = f64> {
 }
 
 /// Which samples of `record` lie behind a movement so fast that `good` shows nothing of the kind.
-pub fn faster(good: &Evidence, record: &Evidence, criteria: &Criteria) -> Vec<bool> {
-    let fastest = good.grids.iter().flat_map(rates).fold(0.0, f64::max) / criteria.reaches;
+pub fn faster(good: &Evidence, record: &Evidence) -> Vec<bool> {
+    let fastest = good.grids.iter().flat_map(rates).fold(0.0, f64::max) / record.criteria.reaches;
     let of_run = |run: &Run| {
         let behind = (BEHIND_S / run.dt_s) as usize;
         let mut last = None;
@@ -63,12 +77,12 @@ fn tenth(dt_s: f64) -> usize {
 
 /// Which samples of `record` lie behind a swing between two reversals so small that `good` shows next to none of the kind: how the
 /// loop closes there is a matter of its form, which larger loops do not tell.
-pub fn smaller(good: &Evidence, record: &Evidence, criteria: &Criteria) -> Vec<bool> {
+pub fn smaller(good: &Evidence, record: &Evidence) -> Vec<bool> {
     let mut known: Vec<f64> = good.grids.iter().flat_map(swings).collect();
     known.sort_by(f64::total_cmp);
     // One wiggle at the end of a sweep shows nothing.
     let smallest = known.get(known.len() / 20).copied().unwrap_or(f64::INFINITY);
-    record.grids.iter().flat_map(swings).map(|swing| swing < criteria.reaches * smallest).collect()
+    record.grids.iter().flat_map(swings).map(|swing| swing < record.criteria.reaches * smallest).collect()
 }
 
 /// At each sample the length of the last whole swing before it, from reversal to reversal [A]; before the second reversal that of the
@@ -106,6 +120,20 @@ mod tests {
     use crate::diagnose::evidence::tests::held;
 
     #[test]
+    fn steps_are_steps_and_ramps_are_ramps_however_often_they_are_sampled() {
+        let of_steps = |rate_hz: f64, current_a: &dyn Fn(f64) -> f64| {
+            let current_a: Vec<f64> = (0..(60.0 * rate_hz) as usize).map(|k| current_a(k as f64 / rate_hz)).collect();
+            is_of_steps(&held(vec![Run::even(None, 0.0, 1.0 / rate_hz, current_a.clone(), current_a)]))
+        };
+        for rate_hz in [10.0, 50.0, 100.0, 1000.0, 5000.0] {
+            assert!(of_steps(rate_hz, &|t_s| if ((t_s / 2.0) as usize).is_multiple_of(2) { 0.3 } else { 0.6 }), "steps at {rate_hz} Hz");
+            assert!(!of_steps(rate_hz, &|t_s| 0.2 + 0.6 * (1.0 - (t_s / 30.0 - 1.0).abs())), "a sweep at {rate_hz} Hz");
+            assert!(!of_steps(rate_hz, &|t_s| 0.5 + 0.3 * t_s.sin()), "an oscillation at {rate_hz} Hz");
+            assert!(!of_steps(rate_hz, &|_| 0.5), "no movement at {rate_hz} Hz");
+        }
+    }
+
+    #[test]
     fn a_movement_twice_as_fast_as_any_of_the_good_valve_is_unseen_for_half_a_second() {
         // Up by 0.3 A within so many samples of 10 ms, after 2 s.
         let run = |within: usize| {
@@ -114,7 +142,7 @@ mod tests {
         };
         let evidence = |within: usize| held(vec![run(within)]);
         let unseen = |good: usize, record: usize| {
-            let all = faster(&evidence(good), &evidence(record), &Criteria::default());
+            let all = faster(&evidence(good), &evidence(record));
             (all.iter().position(|u| *u), all.iter().filter(|u| **u).count())
         };
         assert_eq!(unseen(10, 10), (None, 0));
@@ -133,9 +161,9 @@ mod tests {
             }
             held(vec![Run::even(None, 0.0, 0.01, current.clone(), current)])
         };
-        let (good, criteria) = (waves(&[0.5, 0.5, 0.4, 0.2, 0.2, 0.2]), Criteria::default());
+        let good = waves(&[0.5, 0.5, 0.4, 0.2, 0.2, 0.2]);
         let share = |record: &Evidence| {
-            let new = smaller(&good, record, &criteria);
+            let new = smaller(&good, record);
             new.iter().filter(|u| **u).count() as f64 / new.len() as f64
         };
         assert!(share(&waves(&[0.5, 0.3, 0.2, 0.15, 0.15])) < 1e-9);
@@ -143,6 +171,6 @@ mod tests {
         let one_wiggle =
             waves(&[0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.05]);
         let small = waves(&[0.5, 0.05, 0.05, 0.05, 0.05, 0.05]);
-        assert!(smaller(&one_wiggle, &small, &criteria).iter().any(|u| *u), "one wiggle at the end shows nothing");
+        assert!(smaller(&one_wiggle, &small).iter().any(|u| *u), "one wiggle at the end shows nothing");
     }
 }
