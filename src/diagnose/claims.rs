@@ -63,21 +63,24 @@ impl Findings<'_, '_> {
         })
     }
 
-    /// What a simulated pressure is off the record, each reading as much as it weighs, in RMS [bar].
-    fn off_bar(&self, simulated_bar: &[f64]) -> f64 {
-        let mut residual = self.residual(simulated_bar);
+    /// What a residual amounts to, each reading as much as it weighs, in RMS [bar].
+    fn off_bar(&self, mut residual: Vec<f64>) -> f64 {
         self.fitter.weigh(&mut residual);
         rms(&residual)
     }
 
     /// How many times as far as data of the good valve excuses the record is off the model, as that data has it and without any refit:
-    /// over all readings as they weigh, and in the class of movements where that is most.
+    /// over all readings as they weigh, and in the class of movements where that is most. What lies behind movements faster than any
+    /// in that data does not count: how far a good valve is off there, it does not tell.
     fn beyond(&self, good: &Good) -> (f64, f64) {
         let fitter = self.fitter;
         let mut simulated_bar = Vec::new();
         Simulator::new(fitter.evidence).pressure(self.base, &self.base.calibrated(), &mut simulated_bar);
-        let in_class = |trust: &Trust| trust.beyond(fitter.evidence, &self.residual(&simulated_bar));
-        (self.off_bar(&simulated_bar) / fitter.floor_bar, good.trust.as_ref().map_or(0.0, in_class))
+        let mut residual = self.residual(&simulated_bar);
+        let faster = seen::faster(&good.evidence, fitter.evidence, fitter.criteria.speaks);
+        residual.iter_mut().zip(faster).filter(|r| r.1).for_each(|(residual, _)| *residual = f64::NAN);
+        let in_class = good.trust.as_ref().map_or(0.0, |trust: &Trust| trust.beyond(fitter.evidence, &residual));
+        (self.off_bar(residual) / fitter.floor_bar, in_class)
     }
 
     /// How many times as far as on its own data a good valve may be off on the drive of the record, over all and in one class of movements:
@@ -112,7 +115,8 @@ impl Findings<'_, '_> {
         let (over_all, in_class) = self.beyond(good);
         let hides = || {
             let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
-            self.off_bar(corrected.as_deref().unwrap_or(base_bar)) > criteria.structure_named * self.off_bar(refit_bar)
+            let off_bar = |simulated_bar: &[f64]| self.off_bar(self.residual(simulated_bar));
+            off_bar(corrected.as_deref().unwrap_or(base_bar)) > criteria.structure_named * off_bar(refit_bar)
         };
         self.is_another_state(good, (over_all, in_class))
             && (!good.is_denied() || over_all > criteria.structure)
@@ -130,7 +134,7 @@ impl Findings<'_, '_> {
         };
         let gains = residual(without).into_iter().zip(residual(&self.search.chosen)).map(|(a, b)| a * a - b * b);
         let (mut unseen, mut all) = (0.0, 0.0);
-        let faster = seen::faster(&good.evidence, fitter.evidence);
+        let faster = seen::faster(&good.evidence, fitter.evidence, fitter.criteria.reaches);
         let new = if of_form {
             let smaller = seen::smaller(&good.evidence, fitter.evidence);
             faster.into_iter().zip(smaller).map(|(faster, smaller)| faster || smaller).collect()

@@ -13,8 +13,11 @@ const FEWEST_SAMPLES: usize = 200;
 
 /// Noise of a recording without any [bar].
 const LEAST_NOISE_BAR: f64 = 1e-6;
-/// A current that moves in fewer samples than this share rests mostly.
+/// A current that moves for less than this share of the time rests mostly,
 const RESTS: f64 = 0.05;
+/// where it moves by this share of its range in a second, seen over a time step no shorter than that [s].
+const MOVES: f64 = 0.1;
+const STEP_S: f64 = 0.01;
 
 /// Start between the two curves where nothing is known of it.
 pub const MIDDLE: f64 = 0.5;
@@ -102,12 +105,20 @@ impl Evidence {
         high - low > least
     }
 
-    /// Whether the current hardly moves from most samples to the next: steps, and sweeps that are slow beside the rate.
+    /// Whether the current hardly moves most of the time: steps, and slow sweeps.
     pub fn rests_mostly(&self) -> bool {
         let all = || self.grids.iter().flat_map(|g| g.current_a.iter());
         let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), i| (l.min(*i), h.max(*i)));
-        let moves = self.grids.iter().flat_map(|g| g.current_a.windows(2)).filter(|w| (w[1] - w[0]).abs() > 1e-3 * (high - low)).count();
-        (moves as f64) < RESTS * self.samples() as f64
+        let (mut moves, mut of) = (0, 0);
+        for run in &self.grids {
+            // However finely it is sampled: from one reading to the next, a thousandth of a second later, nothing moves much.
+            let every = ((STEP_S / run.dt_s).round() as usize).max(1);
+            let least_a = MOVES * (high - low) * every as f64 * run.dt_s;
+            let thinned: Vec<f64> = run.current_a.iter().copied().step_by(every).collect();
+            moves += thinned.windows(2).filter(|w| (w[1] - w[0]).abs() > least_a).count();
+            of += thinned.len();
+        }
+        (moves as f64) < RESTS * of as f64
     }
 
     /// Whether the samples are too far apart for a valve's dynamics, so that a process behind the valve is what they show.
@@ -217,5 +228,19 @@ pub mod tests {
     /// Runs of held commands with a noise of 20 mbar.
     pub fn held(grids: Vec<Run>) -> Evidence {
         Evidence::new(grids, 0.02, Input::Held)
+    }
+
+    #[test]
+    fn a_current_rests_mostly_or_does_not_however_often_it_is_sampled() {
+        let rests = |rate_hz: f64, current_a: &dyn Fn(f64) -> f64| {
+            let current_a: Vec<f64> = (0..(60.0 * rate_hz) as usize).map(|k| current_a(k as f64 / rate_hz)).collect();
+            held(vec![Run::even(None, 0.0, 1.0 / rate_hz, current_a.clone(), current_a)]).rests_mostly()
+        };
+        let ramps = |half_s: f64| move |t_s: f64| 0.2 + 0.6 * (1.0 - ((t_s / half_s) % 2.0 - 1.0).abs());
+        for rate_hz in [50.0, 100.0, 1000.0, 5000.0] {
+            assert!(rests(rate_hz, &|t_s| if ((t_s / 5.0) as usize).is_multiple_of(2) { 0.3 } else { 0.6 }), "steps at {rate_hz} Hz");
+            assert!(rests(rate_hz, &ramps(30.0)), "a slow sweep at {rate_hz} Hz");
+            assert!(!rests(rate_hz, &ramps(3.0)), "a lively one at {rate_hz} Hz");
+        }
     }
 }

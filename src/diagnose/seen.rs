@@ -53,9 +53,9 @@ fn rates(run: &Run) -> impl Iterator<Item = f64> {
     (0..run.len()).map(move |k| (run.current_a[k] - run.current_a[k.saturating_sub(every)]).abs() / (every as f64 * run.dt_s))
 }
 
-/// Which samples of `record` lie behind a movement so fast that `good` shows nothing of the kind.
-pub fn faster(good: &Evidence, record: &Evidence) -> Vec<bool> {
-    let fastest = good.grids.iter().flat_map(rates).fold(0.0, f64::max) / record.criteria.reaches;
+/// Which samples of `record` lie behind a movement so fast that the fastest of `good` does not reach this share of it.
+pub fn faster(good: &Evidence, record: &Evidence, share: f64) -> Vec<bool> {
+    let fastest = good.grids.iter().flat_map(rates).fold(0.0, f64::max) / share;
     let of_run = |run: &Run| {
         let behind = (BEHIND_S / run.dt_s) as usize;
         let mut last = None;
@@ -142,7 +142,7 @@ mod tests {
         };
         let evidence = |within: usize| held(vec![run(within)]);
         let unseen = |good: usize, record: usize| {
-            let all = faster(&evidence(good), &evidence(record));
+            let all = faster(&evidence(good), &evidence(record), 0.5);
             (all.iter().position(|u| *u), all.iter().filter(|u| **u).count())
         };
         assert_eq!(unseen(10, 10), (None, 0));

@@ -97,8 +97,7 @@ impl<'c> Sticking<'c> {
         let sum = |of: fn(&Course) -> f64| courses.iter().map(of).sum::<f64>();
         let nats = sum(|c| c.nats);
         let (along, against) = (sum(|c| c.jumps(1.0)), sum(|c| c.jumps(-1.0)));
-        let way_squared = sum(|c| c.inner.1).max(f64::MIN_POSITIVE);
-        let (moved, error) = (sum(|c| c.inner.0) / way_squared, of.noise_bar * (TAU_SAMPLES / way_squared).sqrt());
+        let (moved, error) = moved(courses, of.noise_bar);
         let mut slips: Vec<f64> = courses.iter().flat_map(|c| c.at_a.windows(2).map(|w| (w[1] - w[0]).abs())).collect();
         if nats < LEAST_NATS
             || slips.len() < FEWEST_SLIPS
@@ -112,6 +111,18 @@ impl<'c> Sticking<'c> {
         let error_a = spread_a / (slips.len() as f64).sqrt();
         (spread_a <= ALIKE * slip_a).then_some(Self { courses, nats, slip_a, error_a, moved })
     }
+}
+
+/// What the pressure goes at rest, as a share of its way from level to level, with its error: each stretch counts by its travel, as a
+/// spool that sticks sticks on all that are as slow, however many readings and large steps one of them has.
+fn moved(courses: &[Course], noise_bar: f64) -> (f64, f64) {
+    let (mut sum, mut squared, mut travel_a) = (0.0, 0.0, 0.0);
+    for course in courses.iter().filter(|c| c.inner.1 > 0.0) {
+        sum += course.travel_a * course.inner.0 / course.inner.1;
+        squared += (course.travel_a * noise_bar).powi(2) * TAU_SAMPLES / course.inner.1;
+        travel_a += course.travel_a;
+    }
+    if travel_a > 0.0 { (sum / travel_a, squared.sqrt() / travel_a) } else { (1.0, 0.0) }
 }
 
 /// What recordings of the good valve say for sticking [nats]: against it only where they move as slowly and do not show it.
@@ -389,6 +400,28 @@ mod tests {
     fn steps_of_the_driver_and_readings_that_are_held_are_no_friction() {
         assert!(look(13.7, 0.05, |i| (i / 0.02).round() * 0.02, stick_slip).is_none());
         assert!(look(13.7, 0.0, sticking(0.02, 0.4), stick_slip).is_none());
+    }
+
+    /// Two stretches: that the pressure goes on at rest by `share` of its way on one of travel `travel_a`, and rests on a steeper one.
+    fn parts(share: f64, travel_a: f64) -> [Course; 2] {
+        let course = |share: f64, travel_a: f64, way_squared: f64| Course {
+            samples: 0..1000,
+            pace: 0.01,
+            travel_a,
+            sign: 1.0,
+            way_bar: 4.0,
+            nats: 100.0,
+            at_a: (0..20).map(|k| 0.01 * f64::from(k)).collect(),
+            steps_bar: vec![0.2; 20],
+            inner: (share * way_squared, way_squared),
+        };
+        [course(share, travel_a, 1.0), course(0.0, 0.2, 100.0)]
+    }
+
+    #[test]
+    fn a_spool_that_goes_on_where_the_current_is_as_slow_does_not_stick_elsewhere() {
+        let is_found = |share: f64, travel_a: f64| look(13.7, 0.001, |i| i, |of| Sticking::on(&parts(share, travel_a), of).is_some());
+        assert_eq!([(0.1, 0.2), (0.9, 0.02), (0.9, 0.2)].map(|(share, travel_a)| is_found(share, travel_a)), [true, true, false]);
     }
 
     #[test]
