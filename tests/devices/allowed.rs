@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use hil::rig::emulator::{DeviceReport, Emulator, Faults, Listening};
 
+use super::metronome::BUSY;
 use super::wire::{driver, listen, simple_valve};
 
 /// 300 mA, which gives 12 bar.
@@ -14,10 +15,6 @@ const PLAN: &str = r#"
 schema = "hil.plan/1"
 name = "allowed"
 rate = "50 Hz"
-# Other tests may keep the machine busy.
-timing.max_lost = "60 %"
-timing.max_stale = "60 %"
-timing.max_missed = "90 %"
 [[phase]]
 name = "hold"
 stimulus.hold = { at = "300 mA", for = "400 ms" }
@@ -35,7 +32,7 @@ fn hil(folder: &Path, line: &str, station: &str) -> Seen {
     let master = "[master]\nmax_age = \"8 h\"\n[[master.valve]]\nserial = \"GOOD\"\nexpect = \"pass\"\n";
     let bench = format!("schema = \"hil.station/1\"\nid = \"b\"\n{station}\n");
     for (name, text) in [
-        ("plan.toml", PLAN.to_string()),
+        ("plan.toml", format!("{BUSY}{PLAN}")),
         ("station.toml", bench.clone()),
         ("masters.toml", bench + master),
         ("lot.csv", "serial\nA-1\n".into()),

@@ -9,16 +9,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use hil::rig::emulator::{Emulator, Faults, Listening};
 
 use super::fake::Fake;
+use super::metronome::BUSY;
 use super::wire::{driver, listen, simple_valve};
 
 const PLAN: &str = r#"
 schema = "hil.plan/1"
 name = "last-word"
 rate = "50 Hz"
-# Other tests may keep the machine busy.
-timing.max_lost = "60 %"
-timing.max_stale = "60 %"
-timing.max_missed = "90 %"
 [[phase]]
 name = "hold"
 stimulus.hold = { at = "8 bar", for = "1 s" }
@@ -68,7 +65,7 @@ fn hil(folder: &Path, line: &str, before: &str) -> Said {
 
 /// The same, not yet begun.
 pub fn prepared(folder: &Path, line: &str, before: &str) -> Command {
-    for (name, text) in [("plan.toml", PLAN), ("station.toml", STATION), ("lot.csv", "serial\nA-1\nA-2\n")] {
+    for (name, text) in [("plan.toml", [BUSY, PLAN].concat().as_str()), ("station.toml", STATION), ("lot.csv", "serial\nA-1\nA-2\n")] {
         std::fs::write(folder.join(name), text).unwrap();
     }
     let root = env!("CARGO_MANIFEST_DIR");

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use hil::batch::store;
 use hil::rig::emulator::{Emulator, Faults, Listening};
 
+use super::metronome::{BUSY, in_time};
 use super::wire::{driver, listen, simple_valve};
 
 const PLAN: &str = r#"
@@ -171,8 +172,9 @@ fn hil(folder: &Path, line: &str) -> Command {
     command
 }
 
-/// Runs a batch under `strace` and gives its calls; `None` where there is no `strace` here, unless the tests are those of CI.
-fn traced(folder: &Path, line: &str) -> Option<Vec<Call>> {
+/// Runs a batch under `strace` and gives its calls; `None` where there is no `strace` here, unless the tests are those of CI. An error where
+/// the batch had no verdict for each valve.
+fn traced(folder: &Path, line: &str) -> Result<Option<Vec<Call>>, String> {
     let log = folder.join("strace.log");
     let trace =
         "openat,open,creat,write,pwrite64,writev,ftruncate,fsync,fdatasync,rename,renameat,renameat2,mkdir,mkdirat,unlink,unlinkat,sendto";
@@ -186,10 +188,11 @@ fn traced(folder: &Path, line: &str) -> Option<Vec<Call>> {
         .stderr(Stdio::null())
         .status();
     match status {
-        Ok(status) if status.code().is_some_and(|c| c <= 1) => Some(calls(&std::fs::read_to_string(log).unwrap())),
-        other => {
-            assert!(std::env::var_os("HIL_PEERS").is_none(), "strace: {other:?}");
-            None
+        Ok(status) if status.code().is_some_and(|c| c <= 1) => Ok(Some(calls(&std::fs::read_to_string(log).unwrap()))),
+        Ok(status) => Err(format!("under strace: {status}")),
+        Err(error) => {
+            assert!(std::env::var_os("HIL_PEERS").is_none(), "strace: {error}");
+            Ok(None)
         }
     }
 }
@@ -197,7 +200,7 @@ fn traced(folder: &Path, line: &str) -> Option<Vec<Call>> {
 fn bench() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let root = env!("CARGO_MANIFEST_DIR");
-    std::fs::write(folder.path().join("plan.toml"), PLAN).unwrap();
+    std::fs::write(folder.path().join("plan.toml"), [BUSY, PLAN].concat()).unwrap();
     std::fs::write(folder.path().join("lot.csv"), "serial\nA-1\nA-2\nA-3\n").unwrap();
     for shipped in ["valves", "drivers"] {
         std::os::unix::fs::symlink(format!("{root}/{shipped}"), folder.path().join(shipped)).unwrap();
@@ -267,7 +270,7 @@ fn cut_after_every_call(folder: &Path, line: &str, calls: &[Call], resume: bool)
 fn a_power_cut_after_any_call_of_a_batch_loses_tears_and_doubles_nothing() {
     let folder = bench();
     let line = "batch plan.toml --duts lot.csv --sim --threads 1 --out out";
-    let Some(calls) = traced(folder.path(), line) else { return };
+    let Some(calls) = traced(folder.path(), line).unwrap() else { return };
     let cuts = cut_after_every_call(folder.path(), line, &calls, true);
     println!("{cuts} cuts after {} calls", calls.len());
     assert!(cuts > 100, "{cuts} cuts in {} calls", calls.len());
@@ -275,15 +278,18 @@ fn a_power_cut_after_any_call_of_a_batch_loses_tears_and_doubles_nothing() {
 
 #[test]
 fn the_disk_knows_of_an_attempt_before_its_current_flows() {
-    let folder = bench();
-    let profile = driver("emulator-tcp");
-    let emulator = Emulator::start(Arc::new(profile.clone()), simple_valve(), &listen(&profile), Faults::none(), false).unwrap();
-    let Listening::Tcp(address) = emulator.listening() else { panic!("TCP") };
-    let line = format!("batch plan.toml --duts lot.csv --driver emulator-tcp --tcp {address} --out out");
-    let Some(calls) = traced(folder.path(), &line) else { return };
-    let cuts = cut_after_every_call(folder.path(), &line, &calls, false);
-    println!("{cuts} cuts after {} calls", calls.len());
-    assert!(cuts > 100, "{cuts} cuts in {} calls", calls.len());
+    in_time(0.02, || {
+        let folder = bench();
+        let profile = driver("emulator-tcp");
+        let emulator = Emulator::start(Arc::new(profile.clone()), simple_valve(), &listen(&profile), Faults::none(), false).unwrap();
+        let Listening::Tcp(address) = emulator.listening() else { panic!("TCP") };
+        let line = format!("batch plan.toml --duts lot.csv --driver emulator-tcp --tcp {address} --out out");
+        let Some(calls) = traced(folder.path(), &line)? else { return Ok(()) };
+        let cuts = cut_after_every_call(folder.path(), &line, &calls, false);
+        println!("{cuts} cuts after {} calls", calls.len());
+        assert!(cuts > 100, "{cuts} cuts in {} calls", calls.len());
+        Ok(())
+    });
 }
 
 #[test]

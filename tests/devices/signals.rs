@@ -1,6 +1,7 @@
 //! Every signal that can be caught, in the midst of every command that talks to a device, which answers to the end: it is left without a
 //! current by the command itself, and the command says that it was stopped.
 
+use std::cell::Cell;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -9,12 +10,13 @@ use hil::rig::signals::SIGNALS;
 
 use super::fake::Fake;
 use super::last_word::prepared;
+use super::metronome::in_time;
 use super::ways_out::COMMANDS;
 use super::wire::driver;
 
 /// Sends the signal after some slots with a current (a probe sends none: after some slots), and looks at the end. False where other work
-/// on the machine had ended the command before, or let the watchdog act.
-fn stopped(command: &str, name: &'static str, number: i32) -> bool {
+/// on the machine had ended the command before, or let the watchdog act; an error where the command lost its samples before.
+fn stopped(command: &str, name: &'static str, number: i32) -> Result<bool, String> {
     let folder = tempfile::tempdir().unwrap();
     let victim: Arc<Mutex<Option<u32>>> = Arc::default();
     let (known, slots, probe) = (Arc::clone(&victim), AtomicU64::new(0), command.starts_with("probe"));
@@ -31,16 +33,20 @@ fn stopped(command: &str, name: &'static str, number: i32) -> bool {
     *victim.lock().unwrap() = Some(child.id());
     let done = child.wait_with_output().unwrap();
     if victim.lock().unwrap().is_some() {
-        return false;
+        return Ok(false);
     }
     let said = format!("{}{}", String::from_utf8_lossy(&done.stdout), String::from_utf8_lossy(&done.stderr));
     let what = format!("{name}, {line}: {:?}\n{said}", done.status);
-    assert_eq!(done.status.code(), Some(5), "{what}");
-    assert!(!said.contains("NOT CONFIRMED") && said.contains("stopped by"), "{what}");
     assert_eq!(device.coil_a(), 0.0, "{what}");
+    assert!(!said.contains("NOT CONFIRMED"), "{what}");
+    if done.status.code() == Some(4) && said.contains("in a row") {
+        return Err(what);
+    }
+    assert_eq!(done.status.code(), Some(5), "{what}");
+    assert!(said.contains("stopped by"), "{what}");
     // Once at the start, where it is shown to be armed: the host wrote zero, not the watchdog. A machine that is busy with other work
     // may keep the host from it for longer than the watchdog waits.
-    device.trips() <= 1
+    Ok(device.trips() <= 1)
 }
 
 #[test]
@@ -51,7 +57,14 @@ fn every_signal_ends_every_command_in_the_safe_state() {
         for some in all.chunks(all.len().div_ceil(6)) {
             scope.spawn(move || {
                 for (command, name, number) in some {
-                    assert!((0..5).any(|_| stopped(command, name, *number)), "{name}, {command}: five times not by the host itself");
+                    let by_itself = Cell::new(false);
+                    for _ in 0..5 {
+                        in_time(0.02, || stopped(command, name, *number).map(|by_host| by_itself.set(by_host)));
+                        if by_itself.get() {
+                            break;
+                        }
+                    }
+                    assert!(by_itself.get(), "{name}, {command}: five times not by the host itself");
                 }
             });
         }
