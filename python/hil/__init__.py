@@ -162,12 +162,13 @@ class Diagnosis(_Answer):
 
     @property
     def effects(self) -> pandas.DataFrame:
-        """One row an effect and parameter: ``id, parameter, value, std_error, unit, heldout_gain_bar, p_value``. Needs pandas."""
+        """One row an effect and parameter: ``id, parameter, value, std_error, low, high, unit, heldout_gain_bar, p_value``; ``low`` and
+        ``high`` are the 95 % interval, empty where the recording does not bound the parameter. Needs pandas."""
         import pandas as pd
 
-        names = ["id", "parameter", "value", "std_error", "unit", "heldout_gain_bar", "p_value"]
+        names = ["id", "parameter", "value", "std_error", "low", "high", "unit", "heldout_gain_bar", "p_value"]
         rows = [
-            [e["id"], name, p["value"], p.get("std_error"), p["unit"], e["heldout_gain_bar"], e["p_value"]]
+            [e["id"], name, p["value"], p.get("std_error"), *(p.get("interval") or (None, None)), p["unit"], e["heldout_gain_bar"], e["p_value"]]
             for e in self.json["effects"]
             for name, p in (e["parameters"] or {"": {"value": None, "unit": ""}}).items()
         ]

@@ -144,14 +144,12 @@ fn read_answer(text: &str, with_commission: bool) -> Result<Answer, String> {
     })
 }
 
-/// A parameter with its 95 % interval: the one that is stated, or twice the standard error on either side.
+/// A parameter with its 95 % interval; an end that is open is beyond all.
 fn estimate(name: &str, parameter: &Value) -> Option<Estimate> {
-    let stated = parameter["ci"].as_array().and_then(|ci| Some((ci.first()?.as_f64()?, ci.get(1)?.as_f64()?)));
-    let of_error = || {
-        let (value, error) = (parameter["value"].as_f64()?, parameter["std_error"].as_f64()?);
-        Some((value - 1.959_964 * error, value + 1.959_964 * error))
-    };
-    stated.or_else(of_error).map(|(low, high)| Estimate { name: name.to_owned(), low, high })
+    let ends = parameter["interval"].as_array()?;
+    let (low, high) = (ends.first()?.as_f64(), ends.get(1)?.as_f64());
+    low.or(high)?;
+    Some(Estimate { name: name.to_owned(), low: low.unwrap_or(f64::NEG_INFINITY), high: high.unwrap_or(f64::INFINITY) })
 }
 
 #[cfg(test)]
@@ -162,12 +160,13 @@ mod tests {
     fn an_answer_is_read_from_the_keys_of_the_contract() {
         let text = r#"{"schema":"hil.diagnosis/1","verdict":"explained","rmse_bar":{"base_heldout":0.5,"augmented_heldout":0.25},
             "effects":[{"id":"first_order_lag","indistinguishable":["sensor_lag"],"claim":"lacks",
-            "parameters":{"tau":{"value":0.045,"std_error":0.001,"unit":"s"},"exponent":{"value":1,"std_error":null,"unit":""}}}],
+            "parameters":{"tau":{"value":0.045,"std_error":0.001,"interval":[0.043,null],"unit":"s"},
+            "exponent":{"value":1,"std_error":null,"interval":null,"unit":""},"band":{"value":1,"interval":[null,null]}}}],
             "form":[{"id":"reference_shape"}]}"#;
         let answer = read_answer(text, true).unwrap_or_else(|e| panic!("{e}"));
         let effect = &answer.effects[0];
         assert!(effect.id == "first_order_lag" && effect.indistinguishable == ["sensor_lag"] && effect.lacks);
-        assert!(effect.parameters.len() == 1 && (effect.parameters[0].low - 0.043_04).abs() < 1e-6, "{:?}", effect.parameters);
+        assert_eq!(effect.parameters, [Estimate { name: "tau".into(), low: 0.043, high: f64::INFINITY }]);
         assert_eq!((answer.claimed_gain_bar, answer.form, answer.with_commission), (0.25, vec!["reference_shape".to_owned()], true));
         assert!(read_answer(r#"{"verdict":"perhaps","effects":[]}"#, false).is_err_and(|e| e.contains("perhaps")));
         assert!(read_answer(r#"{"verdict":"match"}"#, false).is_err_and(|e| e.contains("effects")));

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::base::{AT, BASE, Base};
 use super::diagnosis::{Candidate, Change, Claim, Curves, Diagnosed, Diagnosis, Errors, Estimate, Finding, SCHEMA, Verdict};
+use super::errors::Curvature;
 use super::evidence::MIDDLE;
 use super::evidence::rms;
 use super::fit::{Fit, Fitter};
@@ -13,6 +14,7 @@ use super::good::Good;
 use super::heldout::{HeldOut, blocks, held_out};
 use super::locate::locate;
 use super::model::{Model, Simulator};
+use super::profile::Profiles;
 use super::remainder::remainder;
 use super::scatter::{Scattered, give_back, mask};
 use super::search::Search;
@@ -122,7 +124,8 @@ impl<'a> Findings<'_, 'a> {
         let base_residual: Vec<f64> = measured_all.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
         give_back(self.scattered, &mut measured_all);
         let (refit_held, chosen_held) = rayon::join(|| held_out(fitter, &search.null, 6), || held_out(fitter, &search.chosen, 6));
-        let mut findings = self.course_findings(&chosen_held);
+        let curvature = fitter.curvature(&search.chosen);
+        let mut findings = self.course_findings(&chosen_held, curvature.as_ref());
         findings.extend(self.scattered.iter().map(|s| scatter_finding(s, fitter, self.good)));
         findings.sort_by(|a, b| b.0.total_cmp(&a.0));
         let (mut form, effects) = self.sorted(findings);
@@ -188,7 +191,7 @@ impl<'a> Findings<'_, 'a> {
             },
             noise_floor: self.noise_bar(),
         };
-        let recalibration = self.recalibration();
+        let recalibration = self.recalibration(curvature.as_ref());
         let mut notes = evidence.notes.clone();
         match self.good {
             Some(good) => notes.push(format!(
@@ -300,11 +303,10 @@ impl<'a> Findings<'_, 'a> {
     }
 
     /// The effects of the course with their importance.
-    fn course_findings(&self, chosen_held: &HeldOut) -> Vec<(f64, Finding)> {
+    fn course_findings(&self, chosen_held: &HeldOut, curvature: Option<&Curvature<'_, '_>>) -> Vec<(f64, Finding)> {
         let (fitter, chosen) = (self.fitter, &self.search.chosen);
         let between = between_models(fitter, chosen, &self.search.rounds);
-        let errors: Vec<f64> =
-            fitter.standard_errors(chosen).iter().zip(between).map(|(error, variance)| error.hypot(variance.sqrt())).collect();
+        let profiles = curvature.filter(|_| !chosen.model.effects.is_empty()).map(|curvature| Profiles::new(fitter, curvature));
         let effective = fitter.effective();
         let good = self.good_of_another_state();
         let plain_bar = fitter.plain_rmse_bar(chosen);
@@ -322,8 +324,9 @@ impl<'a> Findings<'_, 'a> {
                     .iter()
                     .zip(chosen.model.place(k))
                     .map(|(p, j)| {
-                        let std_error = Some(errors[j]).filter(|e| e.is_finite());
-                        (p.name.to_string(), Estimate { value: chosen.theta[j], std_error, unit: p.unit.symbol.into() })
+                        let known = profiles.as_ref().map(|profiles| profiles.interval(j, between[j]));
+                        let (std_error, interval) = known.unwrap_or_default();
+                        (p.name.to_string(), Estimate { value: chosen.theta[j], std_error, interval, unit: p.unit.symbol.into() })
                     })
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
@@ -384,9 +387,10 @@ impl<'a> Findings<'_, 'a> {
     }
 
     /// What the fit moved in the base, where it is more than its standard error and more than a trifle.
-    fn recalibration(&self) -> Vec<Change> {
+    fn recalibration(&self, curvature: Option<&Curvature<'_, '_>>) -> Vec<Change> {
         let chosen = &self.search.chosen;
-        let (start, errors) = (chosen.model.calibrated(), self.fitter.standard_errors(chosen));
+        let start = chosen.model.calibrated();
+        let error = |k: usize| curvature.map_or(f64::INFINITY, |curvature| curvature.error(k));
         // What is too small to be told of.
         let trifle = Base { gain: 0.002f64, offset: 0.03, width: 0.05, ln_a: 0.2, late: 0.002, lag: 0.003 }.in_order();
         let names = Base {
@@ -408,7 +412,7 @@ impl<'a> Findings<'_, 'a> {
         let moved: Vec<f64> = after.in_order().iter().zip(before.in_order()).map(|(a, b)| (a - b).abs()).collect();
         let (before, after) = (read(before), read(after));
         (0..BASE)
-            .filter(|k| moved[*k] > trifle[*k].max(2.0 * errors[*k]))
+            .filter(|k| moved[*k] > trifle[*k].max(2.0 * error(*k)))
             .map(|k| Change { parameter: names[k].0.into(), before: before[k], after: after[k], unit: names[k].1.into() })
             .collect()
     }
@@ -416,12 +420,8 @@ impl<'a> Findings<'_, 'a> {
 
 fn scatter_finding(s: &Scattered, fitter: &Fitter<'_>, good: Option<&Good>) -> (f64, Finding) {
     let f = &s.finding;
-    let estimate = |(k, p): (usize, &crate::physics::Parameter)| {
-        (
-            p.name.to_string(),
-            Estimate { value: f.theta[k], std_error: Some(f.std_errors[k]).filter(|e| e.is_finite()), unit: p.unit.symbol.into() },
-        )
-    };
+    let estimate =
+        |(k, p): (usize, &crate::physics::Parameter)| (p.name.to_string(), Estimate::normal(p, f.theta[k], Some(f.std_errors[k])));
     let parameters = s.effect.parameters().iter().enumerate().map(estimate).collect();
     let off_bar = if f.restored.is_empty() {
         rms(&f.spread_bar)

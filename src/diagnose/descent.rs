@@ -76,9 +76,11 @@ impl Slopes {
 }
 
 /// Where a descent stands: a fit, and measured minus simulated [bar].
-struct Place<'a> {
-    fit: Fit<'a>,
-    residual: Vec<f64>,
+pub struct Place<'a> {
+    /// The fit.
+    pub fit: Fit<'a>,
+    /// What it leaves.
+    pub residual: Vec<f64>,
 }
 
 /// The loss over the parameters that move.
@@ -121,13 +123,11 @@ impl<'a> Landscape for Loss<'_, '_, '_, 'a> {
     }
 
     fn is_held(&self, k: usize) -> bool {
-        let range = self.free[self.moving[k]].range;
-        range.0 == range.1
+        self.free[self.moving[k]].is_still()
     }
 
     fn is_blocked(&self, at: &Place<'a>, k: usize, step: f64) -> bool {
-        let (range, value) = (self.free[self.moving[k]].range, at.fit.theta[self.moving[k]]);
-        value <= range.0 && step < 0.0 || value >= range.1 && step > 0.0
+        self.free[self.moving[k]].is_blocked(at.fit.theta[self.moving[k]], step)
     }
 
     fn is_worth_more(&self, _before: f64, gain: f64) -> bool {
@@ -178,7 +178,7 @@ impl Fitter<'_> {
                 continue;
             }
             let (free, here) = (&free[*k], theta[*k]);
-            if free.range.0 == free.range.1 {
+            if free.is_still() {
                 column.resize(residual.len(), 0.0);
                 continue;
             }

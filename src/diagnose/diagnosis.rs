@@ -8,6 +8,8 @@ use super::coil::CoilCurrent;
 use super::evidence::Evidence;
 use super::foreign::Recalibration;
 use super::mistake::Mistake;
+use crate::least_squares::SIGMAS_95;
+use crate::physics::Parameter;
 use crate::valve::Valve;
 
 /// The schema key of a diagnosis.
@@ -114,16 +116,34 @@ pub struct Errors {
     pub noise_floor: f64,
 }
 
-/// A parameter with its standard error.
+/// A parameter and how sure it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// Best value.
     pub value: f64,
-    /// One standard deviation; `null` where the recording does not carry the parameter, or where it stays at its default.
+    /// The distance to the farther end of the interval over 1.96; `null` where the recording does not bound the parameter on both sides, or
+    /// where it stays at its default.
     pub std_error: Option<f64>,
-    /// Unit of both.
+    /// The 95 % interval; an end is `null` where the recording does not bound the parameter there. `null` where it stays at its default, or
+    /// where nothing says how sure it is.
+    #[serde(default)]
+    pub interval: Option<Interval>,
+    /// Unit of all.
     pub unit: String,
 }
+
+impl Estimate {
+    /// A value whose error is as good as normal; what cannot be negative is not.
+    pub fn normal(parameter: &Parameter, value: f64, std_error: Option<f64>) -> Self {
+        let std_error = std_error.filter(|error| error.is_finite());
+        let least = if parameter.range.0 < 0.0 { f64::NEG_INFINITY } else { 0.0 };
+        let interval = std_error.map(|error| (Some((value - SIGMAS_95 * error).max(least)), Some(value + SIGMAS_95 * error)));
+        Self { value, std_error, interval, unit: parameter.unit.symbol.into() }
+    }
+}
+
+/// Low and high end, in the unit of the parameter; `None` where it is not bounded.
+pub type Interval = (Option<f64>, Option<f64>);
 
 /// One effect that is missing in the model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -408,5 +428,17 @@ pub(crate) mod tests {
             next_experiment: None,
             notes: Vec::new(),
         }
+    }
+    #[test]
+    fn an_interval_ends_where_the_parameter_cannot_be_and_not_where_a_clutch_valve_would() {
+        let parameters = || crate::physics::EFFECTS.iter().flat_map(|e| e.parameters());
+        let positive = parameters().find(|p| p.range.0 >= 0.0).unwrap();
+        let signed = parameters().find(|p| p.range.0 < 0.0).unwrap();
+        let interval = |p: &Parameter, value: f64, error: f64| Estimate::normal(p, value, Some(error)).interval;
+        assert_eq!(interval(positive, 1.0, 1.0), Some((Some(0.0), Some(2.96))));
+        let large = 2.0 * positive.range.1 + 10.0;
+        assert_eq!(interval(positive, large, 1.0), Some((Some(large - 1.96), Some(large + 1.96))));
+        assert_eq!(interval(signed, 0.0, 1.0), Some((Some(-1.96), Some(1.96))));
+        assert_eq!(interval(signed, 0.0, f64::INFINITY), None);
     }
 }

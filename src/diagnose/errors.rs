@@ -17,25 +17,69 @@ use crate::least_squares::{Equations, dot};
 /// A parameter with less information than this is not carried by the record.
 const NOTHING: f64 = 1e-200;
 
+/// A fit with its derivatives, and what they say of its parameters, each in the unit in which it moves.
+pub struct Curvature<'c, 'a> {
+    /// The fit.
+    pub fit: &'c Fit<'a>,
+    /// Its parameters.
+    pub free: Vec<Free>,
+    /// The derivatives of the pressure by all of them.
+    pub slopes: Slopes,
+    /// The normal equations, in nats of effective samples.
+    pub normal: DMatrix<f64>,
+    /// Their inverse.
+    inverse: DMatrix<f64>,
+    /// Variances by the scores of the blocks.
+    by_blocks: Vec<f64>,
+}
+
+impl Curvature<'_, '_> {
+    /// Whether the record carries parameter `k`.
+    pub fn carries(&self, k: usize) -> bool {
+        self.normal[(k, k)] > NOTHING
+    }
+
+    /// Variance of parameter `k` as the curvature of the loss has it.
+    pub fn by_information(&self, k: usize) -> f64 {
+        self.inverse[(k, k)].max(0.0)
+    }
+
+    /// Variance of parameter `k`, the larger of the two.
+    pub fn variance(&self, k: usize) -> f64 {
+        self.by_information(k).max(self.by_blocks[k])
+    }
+
+    /// Standard error of parameter `k`, in its own unit; infinite where the record does not carry it.
+    pub fn error(&self, k: usize) -> f64 {
+        if self.carries(k) { self.variance(k).sqrt() * self.unit(k) } else { f64::INFINITY }
+    }
+
+    /// What parameter `k` moves by, in its own unit, where it moves by one [own unit].
+    pub fn unit(&self, k: usize) -> f64 {
+        if self.free[k].log { self.fit.theta[k].abs() } else { 1.0 }
+    }
+}
+
 impl Fitter<'_> {
     /// Standard errors of all parameters; a parameter that the record does not carry has an infinite one.
     pub fn standard_errors(&self, fit: &Fit<'_>) -> Vec<f64> {
+        let curvature = self.curvature(fit);
+        (0..fit.theta.len()).map(|k| curvature.as_ref().map_or(f64::INFINITY, |curvature| curvature.error(k))).collect()
+    }
+
+    /// A fit with its derivatives; nothing where they are not finite.
+    pub fn curvature<'c, 'a>(&self, fit: &'c Fit<'a>) -> Option<Curvature<'c, 'a>> {
         let free = fit.model.free();
         let mut simulator = Simulator::new(self.evidence);
         let mut residual = Vec::new();
         self.score(&mut simulator, &fit.model, &fit.theta, &mut residual);
-        let infinite = vec![f64::INFINITY; free.len()];
         let all: Vec<usize> = (0..free.len()).collect();
         let slopes = self.slopes(&mut simulator, &free, &all, fit, &residual, false);
         // Information of a t distribution is (nu + 1)/(nu + 3) of the weighted normal equations' expectation.
-        let Some(Equations { normal, .. }) = self.normal_equations(&slopes, &free, fit, &residual) else { return infinite };
-        let Some(inverse) = inverse(&normal) else { return infinite };
+        let Equations { normal, .. } = self.normal_equations(&slopes, &free, fit, &residual)?;
+        let inverse = inverse(&normal)?;
         let by_blocks = self.by_blocks(&slopes, &free, fit, &residual, &inverse);
-        let error = |k: usize| {
-            let variance = inverse[(k, k)].max(0.0).max(by_blocks[k]);
-            variance.sqrt() * if free[k].log { fit.theta[k].abs() } else { 1.0 }
-        };
-        (0..free.len()).map(|k| if normal[(k, k)] > NOTHING { error(k) } else { f64::INFINITY }).collect()
+        Some(Curvature { fit, free, slopes, normal, inverse, by_blocks })
     }
 
     /// Variances of the parameters by the scores of the blocks, in the units in which they move. `inverse`: that of the normal

@@ -72,12 +72,7 @@ impl Correction {
             .parameters()
             .iter()
             .zip(&self.parameters)
-            .map(|(p, (value, error))| {
-                (
-                    p.name.to_string(),
-                    Estimate { value: *value, std_error: Some(*error).filter(|e| e.is_finite()), unit: p.unit.symbol.into() },
-                )
-            })
+            .map(|(p, (value, error))| (p.name.to_string(), Estimate::normal(p, *value, Some(*error))))
             .collect();
         Finding {
             id: self.effect.id().into(),

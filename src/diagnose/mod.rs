@@ -34,6 +34,7 @@ mod model;
 mod posterior;
 mod prior;
 mod process;
+mod profile;
 mod remainder;
 mod rival;
 mod scatter;

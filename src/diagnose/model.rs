@@ -26,6 +26,16 @@ impl Free {
     pub fn distance(&self, from: f64, to: f64) -> f64 {
         if self.log { (to / from).ln() } else { to - from }
     }
+
+    /// Whether it does not move at all.
+    pub fn is_still(&self) -> bool {
+        self.range.0 == self.range.1
+    }
+
+    /// Whether `step` would push it through the end of its range at which it stands.
+    pub fn is_blocked(&self, value: f64, step: f64) -> bool {
+        value <= self.range.0 && step < 0.0 || value >= self.range.1 && step > 0.0
+    }
 }
 
 /// Largest lag that the slow sweep of an identification cannot see: coil, spool and hold of the command [s].

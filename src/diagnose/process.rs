@@ -79,7 +79,7 @@ fn finding(
     let spread = 0.5 * (stiction.bands.1 - stiction.bands.0);
     let estimate = |(k, (p, value)): (usize, (&crate::physics::Parameter, &f64))| {
         let std_error = (k == 0).then_some(spread * value / stem.band);
-        (p.name.to_string(), Estimate { value: *value, std_error, unit: p.unit.symbol.into() })
+        (p.name.to_string(), Estimate::normal(p, *value, std_error))
     };
     let parameters: BTreeMap<String, Estimate> = effect.parameters().iter().zip(theta).enumerate().map(estimate).collect();
     let ahead = comparison.gain.0 > 0.0;

@@ -1,5 +1,9 @@
 //! Each effect that was found against what could stand in its place: its share, the rest of the credible set, and a likelier one
 //! where there is one.
+//!
+//! The posterior is over sets of effects: the one that was chosen, and each that has another effect in the place of one of its own. The
+//! share of a name is that of all sets that hold it (Hoeting, Madigan, Raftery and Volinsky, Bayesian model averaging, Statistical
+//! Science 14 (1999) 382, eq. 1). Whether there is anything to be named was decided before.
 
 use rayon::prelude::*;
 
@@ -45,11 +49,20 @@ impl<'a> Findings<'_, 'a> {
     /// Each effect of the chosen model against what could stand in its place.
     fn weigh(&self) -> Vec<Weighed<'a>> {
         let chosen = &self.search.chosen;
+        if chosen.model.effects.is_empty() {
+            return Vec::new();
+        }
         // Its rivals are fitted to what the search has looked at, and so is it.
         let refitted = self.looking.map(|looking| looking.refit(&chosen.model, &chosen.theta));
         let there = refitted.as_ref().unwrap_or(chosen);
         let of = |k: usize| self.rivals(k, there, self.without(k));
-        (0..chosen.model.effects.len()).into_par_iter().map(of).collect()
+        let rivals: Vec<Rivals<'a>> = (0..chosen.model.effects.len()).into_par_iter().map(of).collect();
+        let sets: Vec<&Fit<'_>> = std::iter::once(there).chain(rivals.iter().flat_map(|r| &r.fits)).collect();
+        let shares = posterior::shares(self.where_searched(), &sets);
+        let counts: Vec<usize> = rivals.iter().map(|r| r.fits.len()).collect();
+        let names = names(&shares, &counts).into_iter().zip(rivals).enumerate();
+        let weighed = names.map(|(k, (shares_of, rivals))| self.against(rivals, shares_of, shares[0], there.at_bound(k)));
+        weighed.collect()
     }
 
     /// The chosen model with a likelier effect in the place of one, where the whole record does not speak against it.
@@ -62,9 +75,9 @@ impl<'a> Findings<'_, 'a> {
         (whole && posterior::shares(fitter, &[chosen, &next])[1] > 0.5 && carried()).then_some(next)
     }
 
-    /// Effect number `k` of the chosen model against what could stand in its place; `chosen` on what the search has looked at, and
-    /// `without` that effect.
-    fn rivals(&self, k: usize, chosen: &Fit<'a>, without: Fit<'a>) -> Weighed<'a> {
+    /// What could stand in the place of effect number `k` of the chosen model; `chosen` on what the search has looked at, and `without`
+    /// that effect.
+    fn rivals(&self, k: usize, chosen: &Fit<'a>, without: Fit<'a>) -> Rivals<'a> {
         let fitter = self.where_searched();
         let there = &fitter.as_it_stands(&without);
         let own = chosen.model.effects[k].id();
@@ -101,26 +114,64 @@ impl<'a> Findings<'_, 'a> {
                 fitter.simplified(fitter.finish(screened, false))
             })
             .collect();
-        let all: Vec<&Fit<'_>> = std::iter::once(chosen).chain(&fits).collect();
-        let shares = posterior::shares(fitter, &all);
-        let mut rest: Vec<(f64, usize)> = shares[1..].iter().copied().zip(0..).collect();
+        Rivals { without, effects: others, fits }
+    }
+
+    /// An effect against its rivals, with their shares; the set that was chosen has `chosen_share`.
+    fn against(&self, rivals: Rivals<'a>, (own, of_rivals): (f64, &[f64]), chosen_share: f64, at_bound: bool) -> Weighed<'a> {
+        let criteria = &self.where_searched().criteria;
+        let Rivals { without, effects, fits } = rivals;
+        let mut rest: Vec<(f64, usize)> = of_rivals.iter().copied().zip(0..).collect();
         rest.sort_by(|a, b| b.0.total_cmp(&a.0));
         let likelier =
-            rest.first().filter(|(share, _)| *share > fitter.criteria.likelier * shares[0]).map(|(share, k)| (*share, fits[*k].clone()));
-        let at_bound = chosen.at_bound(k);
-        let mut held = shares[0];
+            rest.first().filter(|(share, _)| *share > criteria.likelier * chosen_share).map(|(share, k)| (*share, fits[*k].clone()));
+        let mut held = own;
         let mut members = Vec::new();
         for (share, k) in rest {
             // Nothing that is likelier than the name itself may be missing; nor may a name stand alone that had to go to the end of its
             // range: it is a class then, and the next best belongs to it.
             let alone = at_bound && members.is_empty();
-            let enough = held >= fitter.criteria.credible && share <= shares[0] && !alone;
-            if enough || members.len() + 1 >= fitter.criteria.members {
+            let enough = held >= criteria.credible && share <= own && !alone;
+            if enough || members.len() + 1 >= criteria.members {
                 break;
             }
             held += share;
-            members.push(Member { id: others[k].id(), share, fit: fits[k].clone() });
+            members.push(Member { id: effects[k].id(), share, fit: fits[k].clone() });
         }
-        Weighed { without, share: shares[0], rest: members, likelier }
+        Weighed { without, share: own, rest: members, likelier }
+    }
+}
+
+/// What could stand in the place of one effect.
+struct Rivals<'a> {
+    /// The chosen model without the effect.
+    without: Fit<'a>,
+    /// The rivals.
+    effects: Vec<&'static dyn Effect>,
+    /// The chosen model with each of them in its place.
+    fits: Vec<Fit<'a>>,
+}
+
+/// The share of each name and those of its rivals, from the `shares` of the sets: the one that was chosen, then for each of its effects as
+/// many as `counts` says with another one in its place. All sets hold a name but those.
+fn names<'s>(shares: &'s [f64], counts: &[usize]) -> Vec<(f64, &'s [f64])> {
+    let mut rest = shares.get(1..).unwrap_or_default();
+    let of = counts.iter().map(|count| {
+        let (of_rivals, others) = rest.split_at(*count);
+        rest = others;
+        (1.0 - of_rivals.iter().sum::<f64>(), of_rivals)
+    });
+    of.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_has_the_share_of_all_sets_that_hold_it() {
+        let shares = [0.5, 0.25, 0.125, 0.125];
+        assert_eq!(names(&shares, &[1, 2]), [(0.75, &shares[1..2]), (0.75, &shares[2..])]);
+        assert_eq!(names(&shares[..1], &[0]), [(1.0, &[] as &[f64])]);
     }
 }

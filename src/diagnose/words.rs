@@ -106,13 +106,16 @@ pub fn summary(d: &Diagnosis) -> String {
     }
 }
 
-/// How sure a parameter of an effect is: its standard error, or why it has none.
+/// How sure a parameter of an effect is: its 95 % interval, or why it has none.
 pub fn uncertainty(id: &str, name: &str, estimate: &Estimate) -> String {
     let default = || effect(id)?.parameters().iter().find(|p| p.name == name)?.default;
-    match estimate.std_error {
-        Some(error) => format!("\u{b1} {}", figure(error, &estimate.unit)),
+    let end = |value: f64| figure(value, &estimate.unit);
+    match estimate.interval {
+        Some((Some(low), Some(high))) => format!("{} to {}", end(low), end(high)),
+        Some((Some(low), None)) => format!("at least {}", end(low)),
+        Some((None, Some(high))) => format!("at most {}", end(high)),
         None if default() == Some(estimate.value) => "its default".into(),
-        None => "not carried by this recording".into(),
+        _ => "not carried by this recording".into(),
     }
 }
 

@@ -5,10 +5,9 @@ use nalgebra::DMatrix;
 use super::fit::Fit;
 use super::model::{PLAYS, chebyshev, powers};
 use super::uncertainty::error_of;
+use crate::least_squares::SIGMAS_95;
 use crate::units;
 
-/// Half the width of a 95 % interval in standard deviations.
-const SIGMAS_95: f64 = 1.96;
 /// Points at which the curves are reported with their errors.
 const POINTS: usize = 9;
 

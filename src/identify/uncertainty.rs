@@ -10,9 +10,7 @@ use super::fit::{Effort, Fit, Problem};
 use super::inverse::inverse;
 use super::profile::{Node, without};
 use super::select::correlation_time;
-
-/// Half the width of a 95 % interval in standard deviations; its square is the 95 % point of the likelihood ratio.
-const SIGMAS_95: f64 = 1.96;
+use crate::least_squares::SIGMAS_95;
 
 /// The variance by which the loss is scaled [bar^2], and the correlation time in samples.
 pub(super) fn variance(problem: &Problem<'_>, fit: &Fit, weights: &[f64], limit: f64) -> (f64, f64) {

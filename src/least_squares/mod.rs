@@ -9,3 +9,6 @@ mod product;
 pub use correlation::correlation_samples;
 pub use descent::{Descended, Equations, Landscape, Pace, descend};
 pub use product::dot;
+
+/// Half the width of a 95 % interval in standard deviations; its square is the 95 % point of the likelihood ratio.
+pub const SIGMAS_95: f64 = 1.96;

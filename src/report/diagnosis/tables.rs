@@ -114,7 +114,7 @@ pub fn finding(n: usize, f: &Finding) -> Markup {
             p { b { (f.claim.text()) } (format!(", posterior share {:.0} %.", 100.0 * f.share)) }
             @if !what.is_empty() { p { (sentence(&what)) } }
             .scroll { table {
-                thead { tr { th { "parameter" } th.num { "value" } th { "standard error" } th { "meaning" } } }
+                thead { tr { th { "parameter" } th.num { "value" } th { "95 % interval" } th { "meaning" } } }
                 tbody {
                     @for (name, p) in &f.parameters {
                         tr { td { code { (name) } } td.num { (figure(p.value, &p.unit)) } td { (uncertainty(&f.id, name, p)) } td.soft { (meaning(name)) } }

@@ -94,8 +94,8 @@ fn notes(out: &mut String, d: &Diagnosis) {
 
 fn finding(out: &mut String, f: &Finding) {
     for (name, p) in &f.parameters {
-        let error = uncertainty(&f.id, name, p).replace('\u{b1}', "+/-");
-        let _ = writeln!(out, "   {name:<12} {:>12}  {error}", figure(p.value, &p.unit));
+        let level = if p.interval.is_some_and(|(low, high)| low.or(high).is_some()) { " (95 %)" } else { "" };
+        let _ = writeln!(out, "   {name:<12} {:>12}  {}{level}", figure(p.value, &p.unit), uncertainty(&f.id, name, p));
     }
     let interval = f.heldout_gain_ci_bar.map_or(String::new(), |(a, b)| format!(" (95 %: {a:.3} to {b:.3})"));
     let _ = writeln!(out, "   held-out gain {:.3} bar{interval}, p = {:.4}", f.heldout_gain_bar, f.p_value);
