@@ -94,7 +94,7 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Whether the augmented model has anything that the model as given has not: an effect, or a discovered term.
+    /// Whether anything was found that the model as given has not: an effect, or a discovered term.
     pub fn adds(&self) -> bool {
         !self.effects.is_empty() || self.discovered.is_some()
     }
@@ -261,6 +261,10 @@ pub struct Remainder {
 pub struct Discovery {
     /// What was found, in one sentence.
     pub text: String,
+    /// Whether the augmented model has it: only what a run confirms that its search has not seen, as the end of a recording repeats its
+    /// begin.
+    #[serde(default)]
+    pub in_model: bool,
     /// What is added to the pressure: the terms, with units.
     pub formula: Vec<String>,
     /// The states that it follows, and where they were seen; beyond, a state counts as the end of its range.

@@ -51,7 +51,14 @@ pub struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// Enters it into a diagnosis whose model was `without` it, and into its augmented model, `beside` what was found of the scatter.
+    /// Whether recordings or runs confirm it that its search has not seen. The end of the only one repeats what its begin shows, and a term
+    /// that follows that may be wrong on any other drive: such a term is told, and stays out of the model.
+    fn enters_model(&self) -> bool {
+        self.unseen.iter().all(|u| u.own_run)
+    }
+
+    /// Enters it into a diagnosis whose model was `without` it, and, where another recording confirms it, into its augmented model, `beside`
+    /// what was found of the scatter.
     pub fn enter(&self, found: &mut Diagnosed, without: &Fit<'_>, beside: Vec<EffectSpec>) {
         let formula: Vec<String> = self.terms.iter().map(Term::text).collect();
         let mut follows: Vec<Followed> = Vec::new();
@@ -79,10 +86,13 @@ impl Found<'_> {
             };
             format!("; on {what} the error falls from {:.3} bar to {:.3} bar", first.rmse_without_bar, last.rmse_with_bar)
         });
-        let text = format!("A term was found that no effect of the library holds: {}{shown}.", formula.join(" + "));
+        let in_model = self.enters_model();
+        let stays_out = if in_model { "" } else { ". It is not in the augmented model: a second recording has to confirm it" };
+        let text = format!("A term was found that no effect of the library holds: {}{shown}{stays_out}.", formula.join(" + "));
         found.diagnosis.summary = format!("{} {text}", found.diagnosis.summary);
         found.diagnosis.discovered = Some(Discovery {
             text,
+            in_model,
             formula,
             follows,
             adds_bar: self.adds_bar,
@@ -92,6 +102,12 @@ impl Found<'_> {
             tried: self.tried,
             p_value: self.p_value,
         });
+        // What is drawn has the term; of what is left, no effect of the library is asked about any more.
+        found.curves.augmented_bar = self.pressure_bar.clone();
+        found.open = found.open.take().filter(|open| open.named.is_some());
+        if !in_model {
+            return;
+        }
         let noise_bar = found.augmented.noise_bar;
         let mut valve = self.fit.model.valve_file(&self.fit.theta);
         // The simulation had it ahead of what was found by name.
@@ -99,10 +115,7 @@ impl Found<'_> {
         valve.effects.extend(beside);
         valve.noise_bar = noise_bar;
         found.augmented = valve;
-        found.curves.augmented_bar = self.pressure_bar.clone();
-        // The augmented model has the term; of what is left, no effect of the library is asked about any more.
         found.diagnosis.rmse_bar.augmented_heldout = self.unseen.last().map_or(self.fit.rmse_bar, |u| u.rmse_bar.1);
-        found.open = found.open.take().filter(|open| open.named.is_some());
     }
 }
 

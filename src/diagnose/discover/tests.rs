@@ -54,6 +54,11 @@ fn found(runs: Vec<Run>) -> Option<Vec<String>> {
     term.enter(&mut entered, &null, Vec::new());
     assert!(entered.diagnosis.adds() && term.adds_bar > 0.0);
     assert_eq!(entered.curves.augmented_bar, term.pressure_bar);
+    // The end of the only recording repeats what its begin shows: the model takes what another one confirms.
+    let in_model = evidence.grids.len() > 1;
+    assert_eq!(entered.augmented.effects.len(), valve.effects.len() + usize::from(in_model));
+    let discovery = entered.diagnosis.discovered.unwrap();
+    assert_eq!((discovery.in_model, discovery.text.contains("a second recording has to confirm it")), (in_model, !in_model));
     assert_eq!(term.pressure_bar.len(), entered.curves.measured_bar.len());
     Some(term.terms.iter().map(Term::text).collect())
 }

@@ -16,7 +16,10 @@ pub fn discovered(d: &Discovery) -> Markup {
                 thead { tr { th { "Where it acts" } th { "seen from" } th { "to" } } }
                 tbody { @for f in &d.follows { tr { td { code { (f.state) } } td { (figure(f.from, &f.unit)) } td { (figure(f.to, &f.unit)) } } } }
             }
-            p.soft { "Beyond that range a state counts as the end of it." }
+            p.soft {
+                "Beyond that range a state counts as the end of it."
+                @if !d.in_model { " The augmented model is without the term: a second recording has to confirm it first." }
+            }
             table {
                 thead { tr { th { "Error [bar]" } th { "without" } th { "with" } } }
                 tbody {
@@ -42,6 +45,7 @@ mod tests {
     fn formula_place_and_worth_are_on_it() {
         let found = Discovery {
             text: "A term was found".into(),
+            in_model: false,
             formula: vec!["0.8 bar * sin((pressure - 3 bar) / 1.5 bar)".into()],
             follows: vec![Followed { state: "pressure".into(), from: 1.25, to: 21.5, unit: "bar".into() }],
             adds_bar: 0.5123,
@@ -70,6 +74,7 @@ mod tests {
             "187",
             "0.025",
             "end that",
+            "without the term",
         ] {
             assert!(html.contains(part), "{part}: {html}");
         }

@@ -15,8 +15,8 @@ pub fn tiles(d: &Diagnosis) -> Markup {
         .tiles {
             (tile("model as given", e.base, "RMS error, all data"))
             @if is_fitted(d) { (tile("recalibrated", e.refit_heldout, "RMS error, held-out data")) }
-            @if d.discovered.is_some() {
-                (tile(if d.effects.is_empty() { "with the term" } else { "with what is missing" }, e.augmented_heldout, "RMS error, data that the search has not seen"))
+            @if let Some(unseen) = d.discovered.as_ref().and_then(|term| term.unseen.last()) {
+                (tile(if d.effects.is_empty() { "with the term" } else { "with what is missing" }, unseen.rmse_with_bar, "RMS error, data that the search has not seen"))
             } @else if !d.effects.is_empty() {
                 (tile("with what is missing", e.augmented_heldout, "RMS error, held-out data"))
             }
