@@ -83,16 +83,21 @@ fn stand_alone(measured_bar: &[f64], readings: &[usize]) -> f64 {
 /// Steps of the fits that are held out.
 const HELD_STEPS: usize = 4;
 
-/// Whether the effects take enough of what is beyond the floor, by the squared error or by the scale of the residual; where
-/// a parameter of the base had to stand in for them, or a signature speaks, the error does not say it.
+/// Whether the effects take enough of what is beyond the floor, by the squared error or by the scale of the residual. Where a parameter of
+/// the base had to stand in for them, the recalibrated model does not say how much there was to be explained: the one as calibrated does.
+/// Where a signature speaks, the error need not.
 pub fn explains(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> bool {
     let criteria = &fitter.criteria;
     let floor2 = fitter.floor_bar.powi(2);
     let part = |before: f64, after: f64| (before * before - after * after) / (before * before - floor2).max(0.1 * floor2);
-    let stood_in = null.prior_nats - chosen.prior_nats > 0.5 * criteria.very_strong;
     let signed = chosen.model.signature_nats() > criteria.very_strong;
-    let weighed = part(null.rmse_bar, chosen.rmse_bar).max(part(null.scale_bar, chosen.scale_bar));
-    stood_in || signed || weighed > criteria.explains || plainly(fitter, null, chosen) > criteria.explains
+    let takes_enough = |before: &Fit<'_>| {
+        let weighed = part(before.rmse_bar, chosen.rmse_bar).max(part(before.scale_bar, chosen.scale_bar));
+        weighed > criteria.explains || plainly(fitter, before, chosen) > criteria.explains
+    };
+    let stood_in = null.prior_nats - chosen.prior_nats > 0.5 * criteria.very_strong;
+    let as_calibrated = || fitter.score(&mut Simulator::new(fitter.evidence), &null.model, &null.model.calibrated(), &mut Vec::new());
+    signed || takes_enough(null) || stood_in && takes_enough(&as_calibrated())
 }
 
 /// The share that effects take of the plain squared error beyond what data of the good valve excuses: most of what is wrong may show
@@ -119,6 +124,27 @@ mod tests {
         readings.iter().for_each(|k| spoilt[*k] += 6.0);
         assert!(stand_alone(&spoilt, &readings) > 0.9, "{}", stand_alone(&spoilt, &readings));
         assert!(stand_alone(&course, &readings) < 0.3, "{}", stand_alone(&course, &readings));
+    }
+
+    #[test]
+    fn where_the_base_stood_in_for_a_cause_it_has_to_explain_what_the_model_as_calibrated_leaves() {
+        let valve = straight();
+        let explained = |rest_bar: f64| {
+            let rest = |k: usize| if k.is_multiple_of(2) { rest_bar } else { -rest_bar };
+            let evidence = held(vec![straight_run(waves(3000), |k, _| 0.4 + rest(k))]);
+            let fitter = Fitter::new(&evidence);
+            let base = Model::base(&valve).unwrap().on(&evidence);
+            let mut theta = base.calibrated();
+            theta[AT.offset] += 0.4;
+            let mut simulator = Simulator::new(&evidence);
+            let null = fitter.score(&mut simulator, &base, &theta, &mut Vec::new());
+            // The effect leaves what the recalibration leaves, and the calibration where it was.
+            let chosen = Fit { prior_nats: 0.0, ..null.clone() };
+            assert!(null.prior_nats > fitter.criteria.very_strong, "{}", null.prior_nats);
+            explains(&fitter, &null, &chosen)
+        };
+        assert!(explained(0.05), "an offset of 0.4 bar beside 0.05 bar");
+        assert!(!explained(0.3), "an offset of 0.4 bar beside 0.3 bar that nobody explains");
     }
 
     #[test]

@@ -27,7 +27,12 @@ pub fn text(d: &Diagnosis) -> String {
     let _ = writeln!(out, "  as given      {:8.3}  {:8.3}", e.base, e.base_heldout);
     let _ = writeln!(out, "  recalibrated            {:8.3}", e.refit_heldout);
     // That of a discovered term is taken where its search has not looked.
-    let unseen = d.discovered.as_ref().filter(|found| found.in_model).and_then(|found| found.unseen.last()).map_or(String::new(), |u| format!("  (unseen {})", u.on));
+    let unseen = d
+        .discovered
+        .as_ref()
+        .filter(|found| found.in_model)
+        .and_then(|found| found.unseen.last())
+        .map_or(String::new(), |u| format!("  (unseen {})", u.on));
     let _ = writeln!(out, "  augmented               {:8.3}{unseen}", e.augmented_heldout);
     let _ = writeln!(out, "  sensor noise  {:8.3}", e.noise_floor);
     for (n, f) in d.effects.iter().enumerate() {
