@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::CliError;
 use super::input::InputShape;
+use crate::digest::sha256_of_file;
 use crate::recording::{Encoding, Mapping, Reading, Recording, RecordingError, Selection};
 use crate::units::TIME;
 
@@ -45,15 +46,26 @@ fn time(text: &str) -> Result<f64, String> {
     TIME.parse(&with_unit).map_err(|e| e.to_string())
 }
 
-/// Refuses a recording that is named twice: what it shows would count twice.
+/// Refuses a recording that is named twice, and a copy of one: what it shows would count twice, and confirm itself.
 pub fn distinct(recordings: &[PathBuf]) -> Result<(), CliError> {
     let mut seen = Vec::new();
+    let mut contents: Vec<(String, &PathBuf)> = Vec::new();
     for path in recordings {
         let place = path.canonicalize().unwrap_or_else(|_| path.clone());
         if seen.contains(&place) {
             return Err(CliError::usage(format!("{}: is named twice, and would count twice", path.display())));
         }
         seen.push(place);
+        // What cannot be read is told where it is read.
+        if recordings.len() > 1
+            && let Ok(content) = sha256_of_file(path)
+        {
+            if let Some((_, first)) = contents.iter().find(|(known, _)| *known == content) {
+                let text = format!("{}: is a copy of {}, and would count twice", path.display(), first.display());
+                return Err(CliError::usage(text));
+            }
+            contents.push((content, path));
+        }
     }
     Ok(())
 }
@@ -100,5 +112,24 @@ impl ReadArgs {
             RecordingError::Mapping { .. } => CliError::usage(e),
             other => CliError::input(other),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_of_a_recording_is_refused_and_what_is_not_there_is_left_to_the_reader() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let (a, copy, b) = (of("a.csv", "1"), of("copy.csv", "1"), of("b.csv", "2"));
+        assert!(distinct(&[a.clone(), b, folder.path().join("gone.csv")]).is_ok());
+        let refused = distinct(&[a, copy]).unwrap_err().to_string();
+        assert!(refused.contains("copy.csv: is a copy of") && refused.contains("would count twice"), "{refused}");
     }
 }
