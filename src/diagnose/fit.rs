@@ -70,13 +70,14 @@ impl Fit<'_> {
         free[j].distance(self.theta[j], edge).abs() < EDGE * free[j].distance(low, high).abs()
     }
 
-    /// Whether a parameter of effect number `k` has ended where its range does, and not at the value of its plainest form: the
-    /// effect then explains by what it does not mean to be.
+    /// Whether a parameter of effect number `k` has ended where its range does, and neither at the value of its plainest form nor, as a
+    /// share of something, at all of it: the effect then explains by what it does not mean to be.
     pub fn at_bound(&self, k: usize) -> bool {
         let free = self.model.free();
         self.model.effects[k].parameters().iter().zip(self.model.place(k)).any(|(p, j)| {
             let (low, high) = free[j].range;
-            low < high && [low, high].into_iter().any(|edge| self.stands_at(&free, j, edge) && p.default != Some(edge))
+            let is_meant = |edge: f64| p.default == Some(edge) || (low, high) == (0.0, 1.0) && p.default.is_some();
+            low < high && [low, high].into_iter().any(|edge| self.stands_at(&free, j, edge) && !is_meant(edge))
         })
     }
 }

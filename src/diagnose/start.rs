@@ -52,7 +52,7 @@ mod tests {
         let unsettled: Vec<usize> = (0..300).collect();
         let fitter = Fitter::without(&evidence, &unsettled);
         let filling = base.with(effect("fill_phase").unwrap(), 0.0);
-        let theta = [base.calibrated().as_slice(), &[3.0, 1.0, 0.0, 1.0, 0.0, 0.0]].concat();
+        let theta = [base.calibrated().as_slice(), &[3.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0]].concat();
         let search = || {
             let (null, chosen) =
                 (fitter.refit(&base, &base.calibrated()), fitter.score(&mut Simulator::new(&evidence), &filling, &theta, &mut Vec::new()));

@@ -2,10 +2,10 @@
 //!
 //! What it is: an empty clutch must be filled before its pressure can rise above that of the return spring.
 //!
-//! Model: while the piston moves (0 < x < 1) the pressure is plateau + spring x (or less, where less is asked for);
-//! it moves with x' = sgn(d) (|d| / 1 bar)^(1/2) / time, d = P0 - pressure, and falls back likewise when P0 is
-//! below the plateau: there the pressure is P0 + hold (plateau + spring x - P0), as the return spring pushes the oil
-//! out. The drag of the piston adds to the plateau on the way in and takes from it on the way out; between the two the
+//! Model: while the piston moves (0 < x < 1) with the speed u / time, the pressure is p = plateau + spring x + viscous u (or less,
+//! where less is asked for), and u = sgn(d) (|d| / 1 bar)^(1/2), d = P0 - p: an orifice in line with a piston that the oil
+//! resists. It falls back likewise when P0 is below the plateau: there the pressure is P0 + hold (p - P0), as the return spring presses
+//! the oil out. The drag of the piston adds to the plateau on the way in and takes from it on the way out; between the two the
 //! piston stands. With the clutch full the pressure is P0. A run begins with the clutch empty.
 //!
 //! Signature: only from empty: a rise, a plateau at the kiss point, then a fast rise.
@@ -32,7 +32,7 @@ impl Effect for FillPhase {
         Stage::Chamber
     }
     fn parameters(&self) -> &'static [Parameter] {
-        static PARAMETERS: [Parameter; 6] = [
+        static PARAMETERS: [Parameter; 7] = [
             Parameter {
                 name: "plateau",
                 unit: &PRESSURE,
@@ -81,11 +81,19 @@ impl Effect for FillPhase {
                 default: Some(0.0),
                 meaning: "pressure that the friction of the piston's seals takes, either way",
             },
+            Parameter {
+                name: "viscous",
+                unit: &PRESSURE,
+                range: (0.0, 30.0),
+                starts: &[0.0],
+                default: Some(0.0),
+                meaning: "pressure that the oil about the piston takes, either way, at the speed that an excess of 1 bar alone would give",
+            },
         ];
         &PARAMETERS
     }
-    /// The longest stretch in which the pressure stays low while more is asked for: where it stands, and the time after which the
-    /// piston has reached its end.
+    /// The longest stretches in which the pressure stays low while more is asked for: where it stands, and the time after which the
+    /// piston has reached its end. Where it stands the higher the more is asked for, the oil resists the piston.
     fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
         let standing = |k: usize| hint.residual_bar[k] < -BEYOND * hint.scale_bar;
         let mut stretches: Vec<(usize, usize)> = Vec::new();
@@ -106,7 +114,8 @@ impl Effect for FillPhase {
         stretches.sort_by_key(|(from, to)| std::cmp::Reverse(to - from));
         let found = stretches.iter().take(2).map(of);
         let likely = found.filter(|(plateau, time_s)| (0.2..=20.0).contains(plateau) && (0.005..=10.0).contains(time_s));
-        likely.flat_map(|(plateau, time_s)| tried(plateau, time_s)).collect()
+        let resisted = resisted(hint, &stretches).into_iter();
+        likely.flat_map(|(plateau, time_s)| tried(plateau, time_s)).chain(resisted).collect()
     }
     fn shortest_s(&self, theta: Theta<'_>) -> f64 {
         // An excess of some 25 bar fills five times as fast as one of 1 bar.
@@ -120,6 +129,7 @@ impl Effect for FillPhase {
             drain: theta[3],
             hold: theta[4],
             drag: theta[5],
+            viscous: theta[6],
             left: context.arrival.left(),
             stroke: 0.0,
         })
@@ -134,7 +144,27 @@ const DRAGS_BAR: [f64; 2] = [0.0, 0.2];
 
 /// Starts of a fit about this plateau [bar] and this time [s].
 fn tried(plateau: f64, time_s: f64) -> impl Iterator<Item = Vec<f64>> {
-    DRAGS_BAR.into_iter().flat_map(move |drag| DRAINS.map(|drain| vec![plateau, time_s, 0.2, drain, 0.0, drag]))
+    DRAGS_BAR.into_iter().flat_map(move |drag| DRAINS.map(|drain| vec![plateau, time_s, 0.2, drain, 0.0, drag, 0.0]))
+}
+
+/// A stretch this many times as short as the longest one is no filling.
+const SHORTER: usize = 4;
+
+/// The start at which the pressure of these stretches, the longest first, is a plateau and what grows with the root of the excess, by
+/// least squares; none where it does not grow.
+fn resisted(hint: &Hint<'_>, stretches: &[(usize, usize)]) -> Option<Vec<f64>> {
+    let seen = |k: usize| ((-hint.residual_bar[k]).max(0.0).sqrt(), hint.pressure_bar[k] + hint.residual_bar[k]);
+    let longest = stretches.first()?;
+    let fills = |(from, to): &&(usize, usize)| SHORTER * (to - from) >= longest.1 - longest.0;
+    let all = || stretches.iter().filter(fills).flat_map(|(from, to)| *from..*to).map(seen).filter(|(_, p)| p.is_finite());
+    let count = all().count() as f64;
+    let (root, pressure) = all().fold((0.0, 0.0), |(r, p), (root, pressure)| (r + root / count, p + pressure / count));
+    let (square, product) = all().fold((0.0, 0.0), |(s, x), (r, p)| (s + (r - root).powi(2), x + (r - root) * (p - pressure)));
+    let viscous = product / square;
+    let plateau = pressure - viscous * root;
+    let time_s: f64 = (longest.0..longest.1).map(|k| seen(k).0 * hint.dt_s).sum();
+    let likely = (0.01..=30.0).contains(&viscous) && (0.2..=20.0).contains(&plateau) && (0.005..=10.0).contains(&time_s);
+    likely.then(|| vec![plateau, time_s, 0.2, 1.0, 0.5, 0.0, viscous])
 }
 
 /// Input that changes by more than this within a step is taken in parts [bar].
@@ -148,6 +178,7 @@ struct Fill {
     drain: f64,
     hold: f64,
     drag: f64,
+    viscous: f64,
     left: f64,
     stroke: f64,
 }
@@ -158,13 +189,28 @@ impl Fill {
         self.plateau + self.spring * stroke
     }
 
+    /// What drives the piston: friction takes its part, and holds the piston where no more is there.
+    fn driving(&self, input: f64, stroke: f64) -> f64 {
+        let alone = input - self.against(stroke);
+        if alone > 0.0 { (alone - self.drag).max(0.0) } else { (alone + self.drag).min(0.0) }
+    }
+
+    /// The root of the pressure over the orifice where this much drives the piston: u^2 + viscous u = driving.
+    fn root(&self, driving: f64) -> f64 {
+        let half = 0.5 * self.viscous;
+        // As written, so that little driving beside much resistance is not lost in a difference.
+        let driving = driving.abs();
+        if driving > 0.0 { driving / (half + (half * half + driving).sqrt()) } else { 0.0 }
+    }
+
     /// The pressure that shows while `input` is asked for.
     fn shown(&self, input: f64, stroke: f64) -> f64 {
-        let inside = self.against(stroke);
-        if input >= inside + self.drag {
-            if stroke >= 1.0 { input } else { inside + self.drag }
-        } else if input <= inside - self.drag && stroke > 0.0 {
-            input + self.hold * (inside - self.drag - input)
+        let driving = self.driving(input, stroke);
+        let over_orifice = self.root(driving).powi(2);
+        if driving > 0.0 && stroke < 1.0 {
+            input - over_orifice
+        } else if driving < 0.0 && stroke > 0.0 {
+            input + self.hold * over_orifice
         } else {
             input
         }
@@ -172,30 +218,71 @@ impl Fill {
 
     /// The piston moves for `share` of a step while the input stands; returns the integral of the pressure.
     fn move_for(&mut self, input: f64, share: f64) -> f64 {
-        let alone = input - self.against(self.stroke);
-        // Friction takes its part of what drives the piston, and holds it where no more is there.
-        let excess = if alone > 0.0 { (alone - self.drag).max(0.0) } else { (alone + self.drag).min(0.0) };
-        let (speed, end) = if excess >= 0.0 { (self.rate, 1.0) } else { (self.rate * self.drain, 0.0) };
-        if self.stroke == end || excess == 0.0 {
+        let driving = self.driving(input, self.stroke);
+        let (speed, end) = if driving >= 0.0 { (self.rate, 1.0) } else { (self.rate * self.drain, 0.0) };
+        if self.stroke == end || driving == 0.0 {
             return share * self.shown(input, self.stroke);
         }
-        // The root of the excess falls at a constant pace, as the spring takes it up on the way.
-        let (root, pace) = (excess.abs().sqrt(), 0.5 * self.spring * speed);
-        let travel =
-            |time: f64| if pace > 1e-12 { ((2.0 * root - pace * time) * time * speed).max(0.0) * 0.5 } else { root * speed * time };
-        let stops = if pace > 1e-12 { root / pace } else { f64::INFINITY };
-        let way = (end - self.stroke).abs();
-        let direction = if end > 0.5 { 1.0 } else { -1.0 };
-        // 2 way = (2 root - pace t) t speed, solved for the time at which the end of the stroke is reached.
-        let left = root * root - 2.0 * pace * way / speed;
-        let arrives = if left < 0.0 { f64::INFINITY } else { 2.0 * way / speed / (root + left.sqrt()) };
-        let time = share.min(stops).min(arrives);
+        let slows = Slowing { root: self.root(driving), viscous: self.viscous, spring: self.spring, speed };
+        let arrives =
+            slows.arrives((end - self.stroke).abs(), self.root((driving.abs() - self.spring * (end - self.stroke).abs()).max(0.0)));
+        let time = share.min(arrives);
         let before = self.stroke;
-        self.stroke = if time == arrives { end } else { (before + direction * travel(time)).clamp(0.0, 1.0) };
-        let middle = (before + direction * travel(0.5 * time)).clamp(1e-12, 1.0 - 1e-12);
+        let direction = if end > 0.5 { 1.0 } else { -1.0 };
+        self.stroke = if time == arrives { end } else { (before + direction * slows.travel(time)).clamp(0.0, 1.0) };
+        let middle = (before + direction * slows.travel(0.5 * time)).clamp(1e-12, 1.0 - 1e-12);
         time * self.shown(input, middle) + (share - time) * self.shown(input, self.stroke)
     }
 }
+
+/// A spring less stiff than this over a step slows nothing [bar].
+const SOFT_BAR: f64 = 1e-9;
+
+/// A piston that the spring slows: with u the root of the pressure over the orifice, x' = speed u and (2 u + viscous) u' = -spring speed u,
+/// so that spring x = u0^2 - u^2 + viscous (u0 - u) and spring speed t = 2 (u0 - u) + viscous ln(u0 / u).
+struct Slowing {
+    root: f64,
+    viscous: f64,
+    spring: f64,
+    speed: f64,
+}
+
+impl Slowing {
+    /// The time [steps] until it has gone `way`, where the root of the pressure over the orifice is `root_there`; never where that is zero.
+    fn arrives(&self, way: f64, root_there: f64) -> f64 {
+        let pace = self.spring * self.speed;
+        if self.spring < SOFT_BAR {
+            way / (self.speed * self.root)
+        } else if root_there > 0.0 {
+            (2.0 * (self.root - root_there) + self.viscous * (self.root / root_there).ln()) / pace
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// How far it has gone after `time` [steps].
+    fn travel(&self, time: f64) -> f64 {
+        if self.spring < SOFT_BAR {
+            return self.speed * self.root * time;
+        }
+        let slowed = self.spring * self.speed * time;
+        // From below, where Newton's steps on the convex law of the time do not overshoot.
+        let straight = self.root * (1.0 - slowed / (2.0 * self.root + self.viscous));
+        let fading = if self.viscous > 0.0 { self.root * (-slowed / self.viscous).exp() } else { 0.0 };
+        let mut root = straight.max(fading);
+        if root <= 0.0 {
+            return self.root * (self.root + self.viscous) / self.spring;
+        }
+        for _ in 0..NEWTON_STEPS {
+            let beyond = 2.0 * (self.root - root) + self.viscous * (self.root / root).ln() - slowed;
+            root += beyond / (2.0 + self.viscous / root);
+        }
+        (self.root - root) * (self.root + root + self.viscous) / self.spring
+    }
+}
+
+/// Without resistance the first is exact; with it so many leave less than a millionth.
+const NEWTON_STEPS: usize = 4;
 
 impl Dynamic for Fill {
     fn start(&mut self, _: &Point, _: f64) {
@@ -210,5 +297,49 @@ impl Dynamic for Fill {
         let mut mean = 0.0;
         input.pieces(from, self.left, RESOLUTION_BAR, |share, a, b| mean += self.move_for(0.5 * (a + b), share));
         Step { to: self.shown(input.to, self.stroke), mean, jump: 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_piston_that_spring_and_oil_slow_goes_as_its_law_says() {
+        for (driving, viscous, spring) in [(4.0f64, 0.0f64, 2.0f64), (4.0, 2.7, 1.5), (0.3, 9.0, 4.0), (2.0, 1e-6, 0.5), (2.0, 3.0, 0.0)] {
+            let fill = piston(viscous, spring);
+            let (speed, steps) = (0.7, 20_000);
+            let slows = Slowing { root: fill.root(driving), viscous, spring, speed };
+            for until in [0.05, 0.4, 1.1] {
+                // The same by small steps (midpoint rule).
+                let (mut way, dt) = (0.0f64, until / f64::from(steps));
+                for _ in 0..steps {
+                    let half = way + 0.5 * dt * speed * fill.root((driving - spring * way).max(0.0));
+                    way += dt * speed * fill.root((driving - spring * half).max(0.0));
+                }
+                assert!((slows.travel(until) - way).abs() < 1e-5, "{viscous} {spring}: {} {way}", slows.travel(until));
+                let there = fill.root((driving - spring * way).max(0.0));
+                if there > 0.05 {
+                    assert!((slows.arrives(way, there) - until).abs() < 1e-3, "{viscous} {spring}: {until}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn oil_that_resists_lifts_the_plateau_with_the_root_of_the_excess() {
+        let fill = piston(2.5, 0.0);
+        for root in [0.5f64, 1.2, 2.0] {
+            let shown = 3.0 + 2.5 * root;
+            assert!((fill.shown(shown + root * root, 0.5) - shown).abs() < 1e-9);
+        }
+        // Way out of the clutch: the return spring presses against orifice and oil.
+        assert!((fill.shown(0.5, 0.5) - (0.5 + fill.root(2.5).powi(2))).abs() < 1e-9);
+        assert_eq!(fill.shown(0.5, 0.0), 0.5);
+        assert_eq!(fill.shown(9.0, 1.0), 9.0);
+    }
+
+    fn piston(viscous: f64, spring: f64) -> Fill {
+        Fill { plateau: 3.0, rate: 0.1, spring, drain: 1.0, hold: 1.0, drag: 0.0, viscous, left: 0.0, stroke: 0.0 }
     }
 }
