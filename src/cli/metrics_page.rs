@@ -32,7 +32,7 @@ struct Knob {
 }
 
 /// What can be wrong with a valve, the simplest first: the first knob that moves a figure to where it is wanted is used.
-const KNOBS: [Knob; 16] = [
+const KNOBS: [Knob; 14] = [
     Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: 5.0, slows: false, beside: None },
     Knob { effect: "reference_shift", parameter: "offset", unit: "bar", most: -5.0, slows: false, beside: None },
     Knob { effect: "reference_shift", parameter: "gain", unit: "", most: 0.39, slows: false, beside: None },
@@ -46,8 +46,6 @@ const KNOBS: [Knob; 16] = [
     Knob { effect: "reference_drift", parameter: "gain", unit: "", most: -0.29, slows: false, beside: Some(("tau", "100 s")) },
     Knob { effect: "stiction", parameter: "band", unit: "A", most: 0.09, slows: false, beside: None },
     Knob { effect: "sensor_dead_band", parameter: "width", unit: "bar", most: 3.0, slows: false, beside: None },
-    Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: 9.0, slows: false, beside: None },
-    Knob { effect: "reference_shift", parameter: "bend", unit: "bar", most: -9.0, slows: false, beside: None },
     Knob {
         effect: "second_order_resonance",
         parameter: "frequency",

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::block::{Arrival, Block};
 use super::error::PhysicsError;
 use crate::units::Unit;
-use crate::valve::{EffectSpec, Valve};
+use crate::valve::{EffectSpec, ReferenceCurves, Valve};
 
 /// The stages of a valve in the order in which the signal passes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -63,7 +63,7 @@ pub type Theta<'a> = &'a [f64];
 
 /// What a block needs to know of the simulation that it stands in.
 #[derive(Debug, Clone, Copy)]
-pub struct Context {
+pub struct Context<'c> {
     /// Time step [s].
     pub dt_s: f64,
     /// Time of the first sample [s].
@@ -72,7 +72,9 @@ pub struct Context {
     pub arrival: Arrival,
     /// Most inner steps of a sample.
     pub most_inner: usize,
-    /// Range of current of the reference curves [A].
+    /// The reference curves.
+    pub curves: &'c ReferenceCurves,
+    /// Their range of current [A].
     pub range_a: (f64, f64),
     /// Slope of the average curve in the middle of its range [bar/A].
     pub slope_bar_per_a: f64,

@@ -66,7 +66,7 @@ impl<'a> Pipeline<'a> {
     }
 
     /// What a block needs to know of this simulation.
-    pub fn context(&self, start_s: f64, dt_s: f64, seed: Option<u64>) -> Context {
+    pub fn context(&self, start_s: f64, dt_s: f64, seed: Option<u64>) -> Context<'_> {
         let range_a = self.curves.range_a;
         let (low, high) = (self.curves.average_at(range_a.0), self.curves.average_at(range_a.1));
         let arrival = Delay::new(self.dead_time_s(), dt_s, self.input).arrival;
@@ -75,6 +75,7 @@ impl<'a> Pipeline<'a> {
             start_s,
             arrival,
             most_inner: self.most_inner,
+            curves: self.curves,
             range_a,
             slope_bar_per_a: (high - low) / (range_a.1 - range_a.0),
             seed,
@@ -117,7 +118,7 @@ impl<'a> Pipeline<'a> {
         self.run_stages(start_share, self.context(start_s, dt_s, None), signals, work, pressure_bar);
     }
 
-    fn run_stages(&self, start_share: f64, context: Context, signals: &Signals<'_>, work: &mut Vec<f64>, pressure_bar: &mut Vec<f64>) {
+    fn run_stages(&self, start_share: f64, context: Context<'_>, signals: &Signals<'_>, work: &mut Vec<f64>, pressure_bar: &mut Vec<f64>) {
         self.current_stages(&context, signals, work);
         pressure_bar.resize(signals.current_a.len(), 0.0);
         self.static_curve(start_share, work, pressure_bar);

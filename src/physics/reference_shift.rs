@@ -3,11 +3,11 @@
 //! What it is: the curves are not where the identification found them: another temperature, another valve of the
 //! batch, a changed spring.
 //!
-//! Model: P = P0 (1 + gain) + offset + 4 bend z (1 - z), z = P0 / (span of the curves), from the time `from` on. The
-//! bend is what a shift of the current (a spring seat that has set) adds where the curves are no straight lines.
+//! Model: P = P0 (1 + gain) + offset + c(i + current) - c(i), c the average of the curves, from the time `from` on: as if it took so much
+//! less current, as where a spring seat has set.
 //!
-//! Signature: the error is nearly a straight line over the pressure and does not depend on rate, direction or time (or
-//! only on whether it is before or after one instant).
+//! Signature: the error is a straight line over the pressure, or as steep as the curves are over the current, and does not depend on rate,
+//! direction or time (or only on whether it is before or after one instant).
 //!
 //! What to check on the bench: oil temperature against that of the identification; repeat the sweep.
 //!
@@ -17,7 +17,8 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::block::{Block, Point, Pointwise};
 use super::effect::{Context, Effect, Hint, Parameter, Sampling, Stage, Theta};
-use crate::units::{PRESSURE, RATIO, TIME};
+use crate::units::{CURRENT, PRESSURE, RATIO, TIME};
+use crate::valve::ReferenceCurves;
 
 /// The effect `reference_shift`.
 pub struct ReferenceShift;
@@ -62,12 +63,12 @@ impl Effect for ReferenceShift {
                 meaning: "time of the change since the start of the recording",
             },
             Parameter {
-                name: "bend",
-                unit: &PRESSURE,
-                range: (-0.5, 0.5),
+                name: "current",
+                unit: &CURRENT,
+                range: (-0.2, 0.2),
                 starts: &[0.0],
                 default: Some(0.0),
-                meaning: "change in the middle of the pressures beyond the straight line",
+                meaning: "current that it takes less for the same pressure",
             },
         ];
         &PARAMETERS
@@ -83,13 +84,11 @@ impl Effect for ReferenceShift {
         (k == 2).then_some(of.step_s)
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
-        let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
         Block::pointwise(Shift {
             gain: theta[0],
             offset: theta[1],
             wait: ((theta[2] - context.start_s) / context.dt_s).ceil() as i64,
-            bend: 4.0 * theta[3],
-            per_span: 1.0 / span_bar,
+            seat: (theta[3] != 0.0).then(|| (theta[3], context.curves.clone())),
         })
     }
 }
@@ -206,20 +205,20 @@ struct Shift {
     gain: f64,
     offset: f64,
     wait: i64,
-    bend: f64,
-    per_span: f64,
+    /// How much less current it takes [A], on which curves.
+    seat: Option<(f64, ReferenceCurves)>,
 }
 
 impl Pointwise for Shift {
     fn start(&mut self, _: &Point, _: f64) {}
     #[inline]
-    fn step(&mut self, _: &Point, input: f64) -> f64 {
+    fn step(&mut self, at: &Point, input: f64) -> f64 {
         if self.wait > 0 {
             self.wait -= 1;
             return input;
         }
-        let level = input * self.per_span;
-        input + self.gain * input + self.offset + self.bend * level * (1.0 - level)
+        let seat = |(less_a, curves): &(f64, ReferenceCurves)| curves.average_at(at.current_a + less_a) - curves.average_at(at.current_a);
+        input + self.gain * input + self.offset + self.seat.as_ref().map_or(0.0, seat)
     }
 }
 
