@@ -224,8 +224,11 @@ impl Fill {
             return share * self.shown(input, self.stroke);
         }
         let slows = Slowing { root: self.root(driving), viscous: self.viscous, spring: self.spring, speed };
-        let arrives =
-            slows.arrives((end - self.stroke).abs(), self.root((driving.abs() - self.spring * (end - self.stroke).abs()).max(0.0)));
+        let way = (end - self.stroke).abs();
+        // It never gets faster.
+        let may_arrive = slows.root * speed * share >= way;
+        let left = || self.root((driving.abs() - self.spring * way).max(0.0));
+        let arrives = if may_arrive { slows.arrives(way, left()) } else { f64::INFINITY };
         let time = share.min(arrives);
         let before = self.stroke;
         let direction = if end > 0.5 { 1.0 } else { -1.0 };
@@ -267,22 +270,29 @@ impl Slowing {
         }
         let slowed = self.spring * self.speed * time;
         // From below, where Newton's steps on the convex law of the time do not overshoot.
-        let straight = self.root * (1.0 - slowed / (2.0 * self.root + self.viscous));
-        let fading = if self.viscous > 0.0 { self.root * (-slowed / self.viscous).exp() } else { 0.0 };
-        let mut root = straight.max(fading);
-        if root <= 0.0 {
-            return self.root * (self.root + self.viscous) / self.spring;
+        let mut root = self.root * (1.0 - slowed / (2.0 * self.root + self.viscous));
+        if self.viscous > 0.0 {
+            if root < 0.5 * self.root {
+                root = root.max(self.root * (-slowed / self.viscous).exp());
+            }
+            for _ in 0..NEWTON_STEPS {
+                let beyond = 2.0 * (self.root - root) + self.viscous * (self.root / root).ln() - slowed;
+                let step = beyond / (2.0 + self.viscous / root);
+                root += step;
+                if step.abs() < NEAR * root {
+                    break;
+                }
+            }
         }
-        for _ in 0..NEWTON_STEPS {
-            let beyond = 2.0 * (self.root - root) + self.viscous * (self.root / root).ln() - slowed;
-            root += beyond / (2.0 + self.viscous / root);
-        }
+        let root = root.max(0.0);
         (self.root - root) * (self.root + root + self.viscous) / self.spring
     }
 }
 
-/// Without resistance the first is exact; with it so many leave less than a millionth.
-const NEWTON_STEPS: usize = 4;
+/// Most steps: where all are taken they leave less than a millionth,
+const NEWTON_STEPS: usize = 5;
+/// and one that moves the root by no more than this share is the last.
+const NEAR: f64 = 1e-5;
 
 impl Dynamic for Fill {
     fn start(&mut self, _: &Point, _: f64) {
