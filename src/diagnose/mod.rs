@@ -27,6 +27,7 @@ mod good;
 mod heldout;
 mod hollow;
 mod incomparable;
+mod keeps_place;
 mod locate;
 mod loss;
 mod mistake;

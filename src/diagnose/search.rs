@@ -7,6 +7,7 @@ use super::criteria::MOST_EFFECTS;
 use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
 use super::heldout::{BLOCK_S, carried_forward, held_out};
+use super::keeps_place::stays_before_form;
 use super::loss;
 use super::model::{Model, Simulator};
 use super::watch;
@@ -423,6 +424,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
             .into_par_iter()
             .filter(|e| !fit.model.effects.iter().any(|have| have.id() == e.id()))
             .map(|e| fitter.fit_new(&less.model.with(e, 0.0), &less, &[]))
+            .filter(|next| !stays_before_form(fitter, &less, (&fit, k), next))
             .collect();
         if let Some(better) = swapped.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)))
             && better.bic(effective) < fit.bic(effective) - fitter.criteria.very_strong
