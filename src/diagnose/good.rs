@@ -133,7 +133,7 @@ impl Good {
         fitter.corrects = true;
         let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
         let found = search_in(&mut fitter, looking.as_mut(), &base);
-        let chosen = found.chosen;
+        let chosen = within_range(&fitter, found.chosen);
         let late = scatter(&fitter, &chosen, |_| true);
         let seen = masked.into_iter().chain(late).map(|s| (s.effect.id(), s.finding.theta)).collect();
         let errors = fitter.standard_errors(&chosen);
@@ -266,6 +266,16 @@ impl Good {
     }
 }
 
+/// A fit without the shifts of the calibration that had to go to the end of their range: two parameters that stand in for one another on
+/// this data are far off on another drive.
+fn within_range<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>) -> Fit<'a> {
+    let at_end = |fit: &Fit<'a>| (0..fit.model.effects.len()).find(|k| fit.model.effects[*k].is_shift_of_calibration() && fit.at_bound(*k));
+    while let Some(k) = at_end(&fit) {
+        fit = fitter.refit_without(&fit, k);
+    }
+    fit
+}
+
 /// Where the fit of the good valve's data is to be trusted less than at rest.
 fn trusted(fitter: &Fitter<'_>, fit: &Fit<'_>) -> Option<Trust> {
     let mut residual = Vec::new();
@@ -294,6 +304,21 @@ const BETWEEN: [f64; 3] = [0.3, 0.6, 1.0];
 mod tests {
     use super::*;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
+
+    #[test]
+    fn a_shift_at_the_end_of_its_range_is_no_correction() {
+        let valve = straight();
+        let evidence = held(vec![straight_run(waves(3000), |k, _| if k % 2 == 0 { 0.02 } else { -0.02 })]);
+        let fitter = Fitter::new(&evidence);
+        let base = Model::base(&valve).unwrap().on(&evidence);
+        let kept = |offset_bar: f64| {
+            let model = base.with(crate::physics::effect("reference_shift").unwrap(), 0.0);
+            let theta = [base.calibrated().as_slice(), &[-0.1, offset_bar, 0.0, 0.0]].concat();
+            let fit = fitter.score(&mut Simulator::new(&evidence), &model, &theta, &mut Vec::new());
+            within_range(&fitter, fit).model.effects.len()
+        };
+        assert_eq!([kept(3.0), kept(6.0)], [1, 0]);
+    }
 
     #[test]
     fn a_model_is_known_no_better_than_on_the_run_that_it_fits_worst() {

@@ -65,7 +65,7 @@ impl Effect for ReferenceShift {
             Parameter {
                 name: "current",
                 unit: &CURRENT,
-                range: (-0.2, 0.2),
+                range: (-0.05, 0.05),
                 starts: &[0.0],
                 default: Some(0.0),
                 meaning: "current that it takes less for the same pressure",
