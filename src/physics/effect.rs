@@ -74,10 +74,6 @@ pub struct Context<'c> {
     pub most_inner: usize,
     /// The reference curves.
     pub curves: &'c ReferenceCurves,
-    /// Their range of current [A].
-    pub range_a: (f64, f64),
-    /// Slope of the average curve in the middle of its range [bar/A].
-    pub slope_bar_per_a: f64,
     /// Seed for what is random; `None`: the mean course, without chance.
     pub seed: Option<u64>,
 }

@@ -75,7 +75,8 @@ impl Effect for FlowLimit {
         0.7 / theta[0].max(theta[1])
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
-        let span_bar = (context.slope_bar_per_a * (context.range_a.1 - context.range_a.0)).abs().max(1e-9);
+        let (low_a, high_a) = context.curves.range_a;
+        let span_bar = (context.curves.average_at(high_a) - context.curves.average_at(low_a)).abs().max(1e-9);
         let supply_bar = 1.5 * span_bar;
         let shape = theta[2];
         let free = theta[0].min(theta[1]) * context.dt_s * if shape > 0.0 { LEAST_SHARE.powf(shape) } else { 1.0 };

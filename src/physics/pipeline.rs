@@ -67,19 +67,8 @@ impl<'a> Pipeline<'a> {
 
     /// What a block needs to know of this simulation.
     pub fn context(&self, start_s: f64, dt_s: f64, seed: Option<u64>) -> Context<'_> {
-        let range_a = self.curves.range_a;
-        let (low, high) = (self.curves.average_at(range_a.0), self.curves.average_at(range_a.1));
         let arrival = Delay::new(self.dead_time_s(), dt_s, self.input).arrival;
-        Context {
-            dt_s,
-            start_s,
-            arrival,
-            most_inner: self.most_inner,
-            curves: self.curves,
-            range_a,
-            slope_bar_per_a: (high - low) / (range_a.1 - range_a.0),
-            seed,
-        }
+        Context { dt_s, start_s, arrival, most_inner: self.most_inner, curves: self.curves, seed }
     }
 
     /// Into how many parts each sample must be divided ahead of the curve.

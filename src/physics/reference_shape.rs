@@ -51,7 +51,7 @@ impl Effect for ReferenceShape {
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let mut knots = [0.0; KNOTS];
         knots.copy_from_slice(theta);
-        let (low, high) = context.range_a;
+        let (low, high) = context.curves.range_a;
         Block::pointwise(Shape { knots, low, per_a: (KNOTS - 1) as f64 / (high - low) })
     }
 }

@@ -97,16 +97,8 @@ fn a_term_on_a_channel_that_is_not_recorded_adds_nothing() {
     let theta = numbers(&[Term::parse("1 bar * line((oil_temperature - 60 degC) / 10 degC)").unwrap()]);
     assert_eq!(Discovered.uses(&theta), [Channel::OilTemperature]);
     let valve = crate::valve::Valve::from_toml(include_str!("../../../valves/paper.toml"), "paper").unwrap();
-    let context = Context {
-        dt_s: 0.01,
-        start_s: 0.0,
-        arrival: super::super::Arrival::Ramp,
-        most_inner: 8,
-        curves: &valve.curves,
-        range_a: (0.0, 1.0),
-        slope_bar_per_a: 30.0,
-        seed: None,
-    };
+    let context =
+        Context { dt_s: 0.01, start_s: 0.0, arrival: super::super::Arrival::Ramp, most_inner: 8, curves: &valve.curves, seed: None };
     let Block::Dynamic(mut block) = Discovered.block(&theta, &context) else { panic!() };
     let hot = Point { oil_temp_c: 80.0, ..Point::current(0.5) };
     block.start(&hot, 10.0);
