@@ -227,8 +227,8 @@ impl Fill {
         let way = (end - self.stroke).abs();
         // It never gets faster.
         let may_arrive = slows.root * speed * share >= way;
-        let left = || self.root((driving.abs() - self.spring * way).max(0.0));
-        let arrives = if may_arrive { slows.arrives(way, left()) } else { f64::INFINITY };
+        let left = (driving.abs() - self.spring * way).max(0.0);
+        let arrives = if may_arrive { slows.arrives(way, self.root(left)) } else { f64::INFINITY };
         let time = share.min(arrives);
         let before = self.stroke;
         let direction = if end > 0.5 { 1.0 } else { -1.0 };
@@ -253,11 +253,10 @@ struct Slowing {
 impl Slowing {
     /// The time [steps] until it has gone `way`, where the root of the pressure over the orifice is `root_there`; never where that is zero.
     fn arrives(&self, way: f64, root_there: f64) -> f64 {
-        let pace = self.spring * self.speed;
         if self.spring < SOFT_BAR {
             way / (self.speed * self.root)
         } else if root_there > 0.0 {
-            (2.0 * (self.root - root_there) + self.viscous * (self.root / root_there).ln()) / pace
+            (2.0 * (self.root - root_there) + self.viscous * (self.root / root_there).ln()) / (self.spring * self.speed)
         } else {
             f64::INFINITY
         }
