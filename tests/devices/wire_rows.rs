@@ -8,7 +8,7 @@ use hil::rig::emulator::{Emulator, Faults, Kind, Load};
 use hil::rig::{Rig, RigError};
 
 use super::metronome::in_time;
-use super::wire::{driver, faulty, listen, rig, run_and_compare, simple_valve};
+use super::wire::{driver, faulty, listen, opened, rig, run_and_compare, simple_valve};
 use super::wire_variants::quantity;
 
 fn script(faults: &str) -> Faults {
@@ -54,7 +54,7 @@ fn ended_by(code: u8) -> Result<(), String> {
     let profile = driver("emulator-tcp");
     let faults = with_number("exception", code);
     let emulator = Emulator::start(Arc::new(profile.clone()), Load::RequestNumber, &listen(&profile), faults, false).unwrap();
-    let mut rig = rig(&profile, &emulator, 0.01);
+    let mut rig = opened(&profile, &emulator, 0.01)?;
     let (_, error) = run_and_compare(&mut rig, &emulator, &profile, 40, 0.01);
     assert!(rig.make_safe().unwrap().confirmed && emulator.report().coil_a == 0.0, "{code}");
     if matches!(error, Some(RigError::Device { .. })) { Ok(()) } else { Err(format!("{code}: {error:?}")) }
