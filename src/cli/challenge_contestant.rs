@@ -6,8 +6,12 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use super::diagnose::identified_from;
+use super::valves::checked_valve;
 use crate::challenge::{Answer, ChallengeError, Contestant, Estimate, Named, Verdict, write_run, write_text};
+use crate::diagnose::{Criteria, Remembered, diagnose_by};
 use crate::recording::{Recording, Run};
+use crate::valve::Valve;
 
 /// The folders of one case.
 pub(super) struct Processes<'a> {
@@ -54,16 +58,66 @@ impl Processes<'_> {
         read_answer(&text, self.blind.join("commission.csv").exists())
     }
 
-    /// What is answered on the record that lies there when one threshold is another one; kept beside it.
-    pub(super) fn by_criterion(&self, name: &str, value: f64) -> Result<Answer, String> {
-        let kept = format!("by-{name}-{value}-{}.json", env!("CARGO_PKG_VERSION"));
-        if let Ok(answer) = self.answered(&kept) {
-            return Ok(answer);
+    /// The record that lies there, to be asked about again.
+    pub(super) fn again(&self) -> Result<Again, String> {
+        let model = self.blind.join("model.toml");
+        let valve = checked_valve(&model).map_err(|e| e.message)?;
+        let records = [self.blind.join("record.csv")];
+        // By its file's name alone, as in the folder itself.
+        let read = |path: &Path| {
+            let source = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            Recording::read(path, &[]).map(|recording| Recording { source, ..recording })
+        };
+        let good = identified_from((&model, &valve), &records, read);
+        let recording = read(&records[0]).map_err(|e| e.to_string())?;
+        Ok(Again { folder: self.blind.clone(), recording, valve, good, remembered: Remembered::default() })
+    }
+}
+
+/// A case that is asked about again and again by other thresholds, in this process, so that what all of these diagnoses fit is fitted
+/// once.
+pub(super) struct Again {
+    folder: PathBuf,
+    recording: Recording,
+    valve: Valve,
+    good: Vec<Recording>,
+    remembered: Remembered,
+}
+
+impl Again {
+    /// Asks by the usual thresholds, so that what is common to all is remembered, and holds the answer against the one that a process of
+    /// its own has given: what a diagnosis says must not hang on who calls it, nor on what is remembered.
+    pub(super) fn as_usual(&self) -> Result<(), String> {
+        let (told, kept) = (self.told_by(&Criteria::default())?, self.folder.join(DIAGNOSIS));
+        match std::fs::read_to_string(&kept) {
+            Ok(text) if text.trim() == told.trim() => Ok(()),
+            Ok(_) => Err(format!("{}: another version said something else; ask in another folder", kept.display())),
+            Err(e) => Err(format!("{}: {e}", kept.display())),
         }
-        let criterion = format!("{name}={value}");
-        let args = ["diagnose", "record.csv", "--model", "model.toml", "--criterion", criterion.as_str(), "--format", "json"];
-        write_text(&self.blind.join(&kept), &self.call(&self.blind, &args)?).map_err(|e| e.to_string())?;
-        self.answered(&kept)
+    }
+
+    fn kept(&self, name: &str, value: f64) -> PathBuf {
+        self.folder.join(format!("by-{name}-{value}-{}.json", env!("CARGO_PKG_VERSION")))
+    }
+
+    /// Whether this was asked before.
+    pub(super) fn is_kept(&self, name: &str, value: f64) -> bool {
+        self.kept(name, value).exists()
+    }
+
+    /// What is answered when one threshold is another one; kept beside the record.
+    pub(super) fn by_criterion(&self, name: &str, value: f64) -> Result<Answer, String> {
+        let kept = self.kept(name, value);
+        if !self.is_kept(name, value) {
+            write_text(&kept, &self.told_by(&Criteria::default().with(name, value)?)?).map_err(|e| e.to_string())?;
+        }
+        let text = std::fs::read_to_string(&kept).map_err(|e| format!("{}: {e}", kept.display()))?;
+        read_answer(&text, self.folder.join("commission.csv").exists())
+    }
+
+    fn told_by(&self, criteria: &Criteria) -> Result<String, String> {
+        let found = diagnose_by(criteria, Some(&self.remembered), &self.recording, &self.valve, &self.good);
+        Ok(crate::report::diagnosis::json(&found.map_err(|e| e.to_string())?.diagnosis))
     }
 }
 

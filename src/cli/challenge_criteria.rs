@@ -7,8 +7,8 @@ use crate::challenge::{Case, Outcome, score};
 use crate::diagnose::Criteria;
 use crate::report::thresholds::{Tally, Threshold};
 
-/// The thresholds with the values that are tried beside the usual one: half of it and twice as much; a share that twice would take
-/// beyond one goes half-way to one.
+/// The thresholds with the values that are tried beside the usual one: half of it and twice as much; what is below one, and
+/// twice would be beyond, goes half-way to one.
 pub(super) fn tried() -> Vec<(String, f64, [f64; 2])> {
     let beside = |value: f64| [0.5 * value, if value < 1.0 && 2.0 * value > 1.0 { 0.5 * (1.0 + value) } else { 2.0 * value }];
     Criteria::default().values().into_iter().map(|(name, value)| (name, value, beside(value))).collect()
@@ -28,8 +28,12 @@ impl Tallies {
         let tried = tried();
         self.beside.resize(tried.len(), [Tally::default(); 2]);
         self.moved.resize(tried.len(), [0; 2]);
+        let again = contestant.again()?;
+        if !tried.iter().all(|(name, _, values)| values.iter().all(|value| again.is_kept(name, *value))) {
+            again.as_usual()?;
+        }
         let answers = tried.par_iter().map(|(name, _, values)| {
-            let at = |value: f64| contestant.by_criterion(name, value).map(|answer| score(case, &answer, None).outcome);
+            let at = |value: f64| again.by_criterion(name, value).map(|answer| score(case, &answer, None).outcome);
             Ok([at(values[0])?, at(values[1])?])
         });
         let answers = answers.collect::<Result<Vec<[Outcome; 2]>, String>>()?;

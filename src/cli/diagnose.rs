@@ -1,7 +1,7 @@
 //! `hil diagnose`: where a simulation and a recording differ, what is missing, and how sure that is.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::diagnose_args::{DiagnoseArgs, Format};
 use super::diagnose_foreign::{self, Named};
@@ -53,7 +53,7 @@ pub fn run(args: &DiagnoseArgs) -> CliResult {
         tell_of_candidates(|tried| super::note(&serde_json::to_string(tried).unwrap_or_default()));
     }
     let working = (!args.watch).then(Searching::show);
-    let mut diagnosed = diagnose_by(&args.criteria()?, &recording, &valve, &good).map_err(CliError::input)?;
+    let mut diagnosed = diagnose_by(&args.criteria()?, None, &recording, &valve, &good).map_err(CliError::input)?;
     drop(working);
     name_apart(&mut diagnosed.augmented, &valve);
     say(args, &diagnosed, next.as_ref(), &|diagnosed| diagnosed.augmented.to_toml())
@@ -132,10 +132,18 @@ fn references(args: &DiagnoseArgs, (model, valve): (&Path, &Valve)) -> Result<Ve
     if !args.reference.is_empty() {
         return named_references(args);
     }
-    let read = reader(args)?;
+    Ok(identified_from((model, valve), &args.recordings, reader(args)?))
+}
+
+/// What a model was identified from, as long as it is the same file and none of the recordings in question.
+pub(super) fn identified_from(
+    (model, valve): (&Path, &Valve),
+    recordings: &[PathBuf],
+    read: impl Fn(&Path) -> Result<Recording, RecordingError>,
+) -> Vec<Recording> {
     let kept = valve.identification.iter().flat_map(Identification::sources).map(|(name, digest)| (model.with_file_name(name), digest));
-    let same = kept.filter(|(path, digest)| !args.recordings.contains(path) && sha256(path).is_ok_and(|found| found == *digest));
-    Ok(same.filter_map(|(path, _)| read(&path).ok()).collect())
+    let same = kept.filter(|(path, digest)| !recordings.contains(path) && sha256(path).is_ok_and(|found| found == *digest));
+    same.filter_map(|(path, _)| read(&path).ok()).collect()
 }
 
 /// Removes a part of a model, as if it had never been there.

@@ -149,6 +149,12 @@ impl Fitter<'_> {
 
     /// As [`Fitter::polish`], with a simulator to go on with.
     pub fn polish_in<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, start: &[f64], descent: Descent) -> Fit<'a> {
+        let from = simulator.start_share().map_or(-1.0, |share| share);
+        let fit = || vec![self.descended(simulator, model, start, descent)];
+        self.remembering((model, &[start, &[from]]), descent, fit).swap_remove(0)
+    }
+
+    fn descended<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, start: &[f64], descent: Descent) -> Fit<'a> {
         let Descent { iterations, held, rough } = descent;
         let free = model.free();
         let still = if held == 0 { BASE..BASE } else { BASE..model.place(held.min(model.effects.len()) - 1).end };

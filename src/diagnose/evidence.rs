@@ -3,6 +3,7 @@
 use super::criteria::Criteria;
 use super::error::DiagnoseError;
 use super::foreign::{Base, Foreign};
+use super::remembered::Remembered;
 use crate::course::{Course, CourseError, Input, Run};
 use crate::physics::{Channel, MOST_INNER, Sampling};
 use crate::process_loop::SLOW_STEP_S;
@@ -44,6 +45,8 @@ pub struct Evidence {
     pub base: Option<Base>,
     /// The thresholds of all that is decided by it.
     pub criteria: Criteria,
+    /// Fits that are remembered beyond this diagnosis; none for most.
+    pub remembered: Option<Remembered>,
 }
 
 impl Evidence {
@@ -60,6 +63,7 @@ impl Evidence {
             start_shares,
             base: None,
             criteria: Criteria::default(),
+            remembered: None,
         }
     }
 
@@ -91,7 +95,7 @@ impl Evidence {
 
     /// This evidence with other runs, each with where the valve stands at first, simulated in at most so many inner steps.
     pub fn of_runs(&self, (grids, start_shares): (Vec<Run>, Vec<f64>), most_inner: usize) -> Self {
-        Self { grids, start_shares, most_inner, notes: Vec::new(), base: None, ..*self }
+        Self { grids, start_shares, most_inner, notes: Vec::new(), base: None, remembered: self.remembered.clone(), ..*self }
     }
 
     /// Whether this channel was recorded and moved, so that an effect that follows it can be told from a constant.

@@ -4,7 +4,6 @@
 use std::path::Path;
 
 use super::base::AT;
-use super::criteria::Criteria;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
 use super::error::DiagnoseError;
@@ -94,11 +93,11 @@ impl Correction {
 }
 
 impl Good {
-    /// Corrects the model by data of the good valve.
+    /// Corrects the model by data of the good valve, by the thresholds of the record that it is to speak for.
     ///
     /// # Errors
     /// [`DiagnoseError`] where that data cannot be used, or does not belong to the model.
-    pub fn of(recordings: &[&Recording], valve: &Valve, foreign: Option<&Foreign>, criteria: Criteria) -> Result<Self, DiagnoseError> {
+    pub fn of(recordings: &[&Recording], valve: &Valve, foreign: Option<&Foreign>, record: &Evidence) -> Result<Self, DiagnoseError> {
         let names: Vec<String> = recordings.iter().map(|r| r.source.clone()).collect();
         let all = Recording {
             source: names.join(", "),
@@ -108,7 +107,7 @@ impl Good {
         };
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
         let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
-        evidence.criteria = criteria;
+        (evidence.criteria, evidence.remembered) = (record.criteria, record.remembered.clone());
         if let Some(foreign) = foreign {
             evidence.about(foreign)?;
         }

@@ -37,6 +37,7 @@ mod prior;
 mod process;
 mod profile;
 mod remainder;
+mod remembered;
 mod rival;
 mod scatter;
 mod screen;
@@ -64,6 +65,7 @@ pub use error::DiagnoseError;
 pub use foreign::{Foreign, Plant, Recalibration};
 pub use mistake::Mistake;
 pub(crate) use model::CALIBRATION;
+pub use remembered::Remembered;
 pub use signature::{Axis, Signature};
 pub use simulated::Simulated;
 pub use story::{Cell, RunStory, Slice, Story, Strip, story};
@@ -96,16 +98,23 @@ pub fn diagnose(recording: &Recording, valve: &Valve) -> Result<Diagnosed, Diagn
 /// # Errors
 /// As [`diagnose`]; also where data of the good valve does not belong to the model.
 pub fn diagnose_against(recording: &Recording, valve: &Valve, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
-    diagnose_by(&Criteria::default(), recording, valve, good)
+    diagnose_by(&Criteria::default(), None, recording, valve, good)
 }
 
-/// The same by other thresholds than the usual ones.
+/// The same by other thresholds than the usual ones, and with the fits of other diagnoses by other thresholds, where they are
+/// remembered: the answer is the same with them and without.
 ///
 /// # Errors
 /// As [`diagnose_against`].
-pub fn diagnose_by(criteria: &Criteria, recording: &Recording, valve: &Valve, good: &[Recording]) -> Result<Diagnosed, DiagnoseError> {
+pub fn diagnose_by(
+    criteria: &Criteria,
+    remembered: Option<&Remembered>,
+    recording: &Recording,
+    valve: &Valve,
+    good: &[Recording],
+) -> Result<Diagnosed, DiagnoseError> {
     let mut evidence = Evidence::of(Course::of(recording, &Preparation::for_model(recording, valve))?)?;
-    evidence.criteria = *criteria;
+    (evidence.criteria, evidence.remembered) = (*criteria, remembered.cloned());
     on_evidence(recording, evidence, valve, good, None)
 }
 
@@ -142,7 +151,7 @@ fn on_evidence(
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
     let speaking = seen::speaking(&evidence, good);
-    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign, evidence.criteria)?) };
+    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign, &evidence)?) };
     if let Some(denied) = good.as_ref().filter(|good| good.is_denied()) {
         evidence.notes.push(format!(
             "the model, also with what could be mended, is off by {} RMSE on the one recording that it was identified from: that recording does not vouch for it",

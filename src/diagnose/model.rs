@@ -172,6 +172,15 @@ impl<'a> Model<'a> {
         more
     }
 
+    /// All by which a fit of this model differs from a fit of another one, in words that nobody reads.
+    pub fn told_apart(&self) -> String {
+        let Self { valve, fixed, effects, held, lag_limit_s, slowness, foreign_step_s, form_error_bar, is_still, sampling, .. } = self;
+        let fixed: Vec<_> = fixed.iter().map(|(effect, values)| (effect.id(), values)).collect();
+        let effects: Vec<_> = effects.iter().map(|effect| effect.id()).collect();
+        let about = (lag_limit_s, slowness, foreign_step_s, form_error_bar, is_still, sampling);
+        format!("{valve:?} {fixed:?} {effects:?} {held:?} {about:?}")
+    }
+
     /// What the signatures of the effects say beyond the fit [nats].
     pub fn signature_nats(&self) -> f64 {
         self.signature_nats.iter().sum()
@@ -380,6 +389,11 @@ impl<'e> Simulator<'e> {
     /// For this evidence, with the valve between its curves at first: 0 on the ascending one, 1 on the descending.
     pub fn starting_at(evidence: &'e Evidence, start_share: f64) -> Self {
         Self { start_share: Some(start_share), ..Self::new(evidence) }
+    }
+
+    /// Where it has the valve between its curves at first; as the evidence has it where it is none.
+    pub fn start_share(&self) -> Option<f64> {
+        self.start_share
     }
 
     /// Pressure of all runs, one after the other [bar].

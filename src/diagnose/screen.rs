@@ -43,6 +43,12 @@ impl Fitter<'_> {
     /// The best fits, best first and at least one, of `model`, whose last effect is new: a few steps from every one of
     /// `starts` of that effect, with the earlier effects held at first.
     pub fn screen<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, starts: &[Vec<f64>]) -> Vec<Fit<'a>> {
+        let mut from = vec![incumbent.theta.as_slice(), std::slice::from_ref(&incumbent.scale_bar)];
+        from.extend(starts.iter().map(Vec::as_slice));
+        self.remembering((model, &from), "screen", || self.screened(model, incumbent, starts))
+    }
+
+    fn screened<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, starts: &[Vec<f64>]) -> Vec<Fit<'a>> {
         let held = model.effects.len() - 1;
         // Beside an effect that was found, the ends of the round before are among the starts, and fewer others are needed.
         let effort = if held == 0 { FIRST } else { LATER };
@@ -157,7 +163,13 @@ impl Fitter<'_> {
 
     /// The best of what [`Fitter::screen`] has found, brought to the end with all parameters free; only a few steps where
     /// it is hopeless.
-    pub fn finish<'a>(&self, mut rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
+    pub fn finish<'a>(&self, rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
+        let model = rough[0].model.clone();
+        let from: Vec<&[f64]> = rough.iter().flat_map(|f| [f.theta.as_slice(), std::slice::from_ref(&f.scale_bar)]).collect();
+        self.remembering((&model, &from), ("finish", hopeless), || vec![self.finished(rough.clone(), hopeless)]).swap_remove(0)
+    }
+
+    fn finished<'a>(&self, mut rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
         let mut simulator = Simulator::new(self.evidence);
         rough.truncate(if hopeless { 1 } else { self.near(&rough) });
         let steps = if hopeless { FIRST_STEPS } else { 18 };

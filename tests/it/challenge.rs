@@ -71,3 +71,27 @@ fn a_count_of_nothing_is_wrong_usage() -> Result<(), Box<dyn std::error::Error>>
     Command::cargo_bin("hil")?.args(["challenge", "--count", "0"]).assert().code(2);
     Ok(())
 }
+
+#[test]
+fn every_threshold_is_tried_on_a_valve_and_an_answer_of_another_version_is_not_compared() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("tried");
+    let ask = || -> Result<_, std::io::Error> {
+        let mut hil = Command::cargo_bin("hil").map_err(std::io::Error::other)?;
+        hil.args(["challenge", "--seed", "4242", "--criteria", "--out"]).arg(&out).output()
+    };
+    let table = |done: &std::process::Output| String::from_utf8_lossy(&done.stdout).split_once("| threshold").map(|(_, t)| t.to_owned());
+    let first = ask()?;
+    assert!(first.status.success(), "{}", String::from_utf8_lossy(&first.stderr));
+    let rows = table(&first).ok_or("no table")?;
+    let kept: Vec<_> = names(&out.join("case-01")).into_iter().filter(|n| n.starts_with("by-")).collect();
+    assert_eq!(kept.len(), 2 * rows.lines().filter(|row| row.starts_with("| `")).count(), "two answers of each threshold");
+    assert_eq!(table(&ask()?), Some(rows), "what was asked is not asked again");
+    // One is gone, and what a process had said is not what is said now.
+    std::fs::remove_file(out.join("case-01").join(&kept[0]))?;
+    std::fs::write(out.join("case-01/diagnosis.json"), r#"{"verdict":"match","effects":[]}"#)?;
+    let other = ask()?;
+    assert_eq!(other.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("another version"), "{}", String::from_utf8_lossy(&other.stderr));
+    Ok(())
+}

@@ -149,7 +149,7 @@ fn how_far_a_good_valve_is_off_behind_faster_movements_than_its_own_nobody_knows
     }
     let verdict = |speaks: f64| {
         let criteria = Criteria { speaks, ..Criteria::default() };
-        diagnose_by(&criteria, &late, &valve(), &reference).unwrap().diagnosis.verdict
+        diagnose_by(&criteria, None, &late, &valve(), &reference).unwrap().diagnosis.verdict
     };
     assert_eq!(verdict(Criteria::default().speaks), Verdict::Match);
     assert_eq!(verdict(0.01), Verdict::Unexplained, "where any movement is known");
