@@ -45,6 +45,9 @@ mod model;
 #[path = "../src/diagnose/prior.rs"]
 #[allow(dead_code)]
 mod prior;
+#[path = "../src/diagnose/remembered.rs"]
+#[allow(dead_code)]
+mod remembered;
 #[path = "../src/diagnose/screen.rs"]
 #[allow(dead_code)]
 mod screen;
