@@ -4,6 +4,7 @@
 //! with the base model; "recalibrate only" gets the same effort. The choice is by BIC on effective samples and by
 //! what held-out stretches show. This room knows no effect by name.
 
+mod answered;
 mod apart;
 mod base;
 mod before_form;
@@ -196,6 +197,11 @@ fn on_evidence(
     let short = excerpt::excerpt(&fitter, &base, Some(&null));
     let mut looking = short.as_ref().map(|short| fitter.looking_at(short));
     let mut search = search::search_in(&mut fitter, looking.as_mut(), &base);
+    if let Some(tone) = answered::tone_given_back(&fitter, &search) {
+        search = answered::search_without(&fitter, &base, &search.null, &tone);
+        fitter.found.push(tone.effect.id());
+        scattered.push(tone);
+    }
     start::drop_denied(&fitter, &mut search, &unsettled);
     before_form::cause_before_form(&fitter, &mut search);
     let mut hollow = hollow::drop_hollow(&fitter, &mut search, good.is_some());

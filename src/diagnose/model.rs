@@ -298,6 +298,12 @@ impl<'a> Model<'a> {
         self.held.iter().flatten().filter(|held| !**held).count()
     }
 
+    /// Number of free parameters that the effects bring and that may go either way from nothing.
+    pub fn two_sided_parameters(&self) -> usize {
+        let parameters = self.effects.iter().flat_map(|e| e.parameters()).zip(self.held.iter().flatten());
+        parameters.filter(|(p, held)| !**held && p.range.0 < 0.0 && p.range.1 > 0.0).count()
+    }
+
     fn curves(&self, theta: &[f64]) -> ReferenceCurves {
         let Base { gain, offset, width, .. } = Base::of(theta);
         let curves = &self.valve.curves;

@@ -139,6 +139,44 @@ fn the_search_fits_what_was_planted_as_well_as_a_fit_from_the_truth() {
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
 }
 
+#[test]
+fn a_start_from_which_nothing_can_move_takes_no_place() {
+    let limit = effect("supply_saturation").unwrap();
+    let evidence = evidence(limit, &[16.0, 0.05, 0.0, 1e6], 0.0, 3);
+    let valve = valve();
+    let base = Model::base(&valve).unwrap().on(&evidence);
+    let fitter = Fitter::new(&evidence);
+    let null = fitter.recalibrate(&base, &[]);
+    let start = |limit_bar: f64| vec![limit_bar, 0.05, 0.0, 1e6];
+    let living = |starts: &[Vec<f64>]| fitter.living(&mut Simulator::new(&evidence), &base.with(limit, 0.0), &null, starts);
+    assert_eq!(
+        living(&[start(90.0), start(16.0), start(60.0)]),
+        [start(16.0)],
+        "a limit above all pressures does nothing, whichever way it moves"
+    );
+    assert_eq!(living(&[start(90.0)]), [start(90.0)], "where there is no other one it stays");
+    // An effect that does nothing where it begins, but would a step farther, lives.
+    let shift = effect("reference_shift").unwrap();
+    let from_nothing = vec![vec![0.0; 4]];
+    assert_eq!(
+        fitter.living(
+            &mut Simulator::new(&evidence),
+            &base.with(shift, 0.0),
+            &null,
+            &[from_nothing[0].clone(), vec![-0.02, 0.0, 1e6, 0.0]]
+        ),
+        from_nothing
+    );
+}
+
+/// A limit that cuts little of the record, high up, where the steps between the usual starts are too large.
+#[test]
+fn a_limit_that_cuts_the_top_of_the_record_alone_is_found() {
+    let limit = effect("supply_saturation").unwrap();
+    let (nats, gain, found, best) = missed(limit, &[23.0, 0.05, 0.0, 1e6], 0.0, 5);
+    assert!(gain > 10.0 && nats < allowed(limit.id()), "{nats:.1} of {gain:.0} nats missed at {found:?}, from the truth {best:?}");
+}
+
 /// A sweep sees how late the pressure is as a whole: what an effect adds the base gives back.
 #[test]
 fn what_swings_or_lags_is_found_where_the_delay_gives_back_as_much() {

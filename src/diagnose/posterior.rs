@@ -61,7 +61,10 @@ fn price(fitter: &Fitter<'_>, fit: &Fit<'_>, block: &[usize]) -> f64 {
     let (noise, blocks) = (noise_part(fitter), block.last().map_or(1.0, |b| *b as f64 + 1.0));
     // An error of form is one draw in each block.
     let effective = noise * fitter.effective() + (1.0 - noise) * blocks;
-    fit.prior_nats - fit.model.signature_nats() + 0.5 * fit.model.extra_parameters() as f64 * effective.ln() + of_form(fitter, fit)
+    // What can go one way only, as a leak, had all of its prior on that side: twice the density of what might have gone either way.
+    let either_way = fit.model.two_sided_parameters() as f64 * std::f64::consts::LN_2;
+    let parameters = 0.5 * fit.model.extra_parameters() as f64 * effective.ln() + either_way;
+    fit.prior_nats - fit.model.signature_nats() + parameters + of_form(fitter, fit)
 }
 
 /// Mean over bootstrap samples of the blocks of each model's posterior, of which the evidence is raised to `power`; `parts`: nats of
@@ -94,6 +97,23 @@ mod tests {
     use crate::diagnose::base::AT;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
     use crate::diagnose::model::Model;
+
+    #[test]
+    fn what_can_go_one_way_only_had_staked_all_on_it() {
+        let valve = straight();
+        let evidence = held(vec![straight_run(waves(3000), |k, _| if k % 2 == 0 { 0.02 } else { -0.02 })]);
+        let base = Model::base(&valve).unwrap().on(&evidence);
+        let fitter = Fitter::new(&evidence);
+        let block = blocks(&fitter);
+        let priced = |id: &str, values: &[f64], held: &[usize]| {
+            let model = held.iter().fold(base.with(crate::physics::effect(id).unwrap(), 0.0), |model, j| model.holding(*j).unwrap());
+            let theta = [base.calibrated().as_slice(), values].concat();
+            let fit = fitter.score(&mut Simulator::new(&evidence), &model, &theta, &mut Vec::new());
+            price(&fitter, &fit, &block)
+        };
+        let (gain, leak) = (priced("sensor_gain", &[-1e-9], &[]), priced("leakage", &[1e-9, 1.0, 0.0], &[1, 2]));
+        assert!((gain - leak - std::f64::consts::LN_2).abs() < 1e-6, "{gain} {leak}");
+    }
 
     #[test]
     fn equal_models_share_equally_and_a_better_one_everywhere_takes_all() {

@@ -16,6 +16,8 @@ const NEAR_NATS: f64 = 6.0;
 /// Steps of a fit after which who is far behind stays there.
 const FIRST_STEPS: usize = 5;
 
+/// What changes no pressure by more does nothing [bar].
+const NOTHING_BAR: f64 = 1e-9;
 /// Share of itself by which an effect's parameter is moved at least to see what a gradient does not.
 const FINEST: f64 = 0.03;
 /// Steps of a fit from another split of delay and lag.
@@ -59,7 +61,8 @@ impl Fitter<'_> {
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
         let (mut tried, mut given_back): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
-        let starts = self.in_proportion(&mut simulator, model, incumbent, starts);
+        let starts = self.living(&mut simulator, model, incumbent, starts);
+        let starts = self.in_proportion(&mut simulator, model, incumbent, &starts);
         // A loop that widens looks late as well.
         let of_course = !model.effects[held].imitates_form();
         for (values, later_s) in &starts {
@@ -92,6 +95,35 @@ impl Fitter<'_> {
             tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 4, held, rough: true })).collect();
         rough.sort_by(order);
         rough
+    }
+
+    /// The starts from which a fit can go anywhere, or all where there is none: where the effect does nothing, nor would with any of its
+    /// parameters moved a step, as a limit above all pressures, a start would take the place of another one and stay there.
+    pub(super) fn living(
+        &self,
+        simulator: &mut Simulator<'_>,
+        model: &Model<'_>,
+        incumbent: &Fit<'_>,
+        starts: &[Vec<f64>],
+    ) -> Vec<Vec<f64>> {
+        let (mut given, mut with) = (Vec::new(), Vec::new());
+        simulator.pressure(&incumbent.model, &incumbent.theta, &mut given);
+        let free = model.free();
+        let own = incumbent.theta.len();
+        let mut lives = |start: &&Vec<f64>| {
+            let as_it_is = clamped(&free, &[incumbent.theta.as_slice(), start].concat());
+            let moved = (own..free.len()).flat_map(|k| [free[k].step, -free[k].step].map(|step| (k, step))).map(|(k, step)| {
+                let mut theta = as_it_is.clone();
+                theta[k] = shifted(&free[k], theta[k], step);
+                theta
+            });
+            std::iter::once(as_it_is.clone()).chain(moved).any(|theta| {
+                simulator.pressure(model, &theta, &mut with);
+                with.iter().zip(&given).any(|(w, g)| (w - g).abs() > NOTHING_BAR)
+            })
+        };
+        let living: Vec<Vec<f64>> = starts.iter().filter(|start| lives(start)).cloned().collect();
+        if living.is_empty() { starts.to_vec() } else { living }
     }
 
     /// The starts with the amplitude, where the last effect of `model` has one, at which what it does comes nearest to what the

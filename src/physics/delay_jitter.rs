@@ -52,8 +52,11 @@ impl Effect for DelayJitter {
         &PARAMETERS
     }
     fn scatter_nats(&self, found: &ScatterFinding, of: &Scatter<'_>) -> Option<f64> {
-        let spread_bar: Vec<f64> = slopes(of).map(|slope| found.theta[0] * slope.abs()).collect();
-        Some(nats(of, of.noise_bar, &spread_bar))
+        let of_size = |spread_s: f64| slopes(of).map(|slope| of.noise_bar.hypot(spread_s * slope)).collect::<Vec<f64>>();
+        let found_bar = of_size(found.theta[0]);
+        // A model that is a little late or early speaks for any jitter rather than none: this one has to be likelier than half of it.
+        let over = |share: f64| nats(of, &of_size(share * found.theta[0]), &found_bar);
+        Some(over(0.0).min(over(0.5)))
     }
     /// The error over the slope of the pressure where it is steep: a time shift of its own for each message.
     fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {
@@ -114,7 +117,7 @@ impl Effect for DelayJitter {
             return None;
         }
         let spread_bar: Vec<f64> = slopes.iter().map(|s| spread_s * s.abs()).collect();
-        let gain_nats = nats(of, noise_bar, &spread_bar);
+        let gain_nats = nats(of, &vec![noise_bar; n], &spread_bar.iter().map(|s| noise_bar.hypot(*s)).collect::<Vec<f64>>());
         (gain_nats > 20.0).then(|| ScatterFinding {
             is_event: false,
             theta: vec![spread_s],
@@ -171,13 +174,13 @@ fn slopes(of: &Scatter<'_>) -> impl Iterator<Item = f64> {
     (0..n).map(move |k| if inside(k) { (of.simulated_bar[k + 1] - of.simulated_bar[k - 1]) / (2.0 * of.dt_s) } else { 0.0 })
 }
 
-/// What the readings say for errors that spread so much at each sample, beside the noise [nats].
-fn nats(of: &Scatter<'_>, noise_bar: f64, spread_bar: &[f64]) -> f64 {
-    (0..spread_bar.len())
+/// What the readings say for errors of these standard deviations at each sample rather than of those [nats].
+fn nats(of: &Scatter<'_>, those_bar: &[f64], these_bar: &[f64]) -> f64 {
+    (0..these_bar.len())
         .filter(|k| of.measured_bar[*k].is_finite())
         .map(|k| {
-            let (e2, v0) = ((of.measured_bar[k] - of.simulated_bar[k]).powi(2), noise_bar.powi(2));
-            let v1 = v0 + spread_bar[k].powi(2);
+            let e2 = (of.measured_bar[k] - of.simulated_bar[k]).powi(2);
+            let (v0, v1) = (those_bar[k].powi(2), these_bar[k].powi(2));
             // Bounded, so that single events do not decide.
             (0.5 * (e2.min(40.0 * v1) / v0 - e2.min(40.0 * v1) / v1 - (v1 / v0).ln())).min(50.0)
         })
@@ -300,6 +303,8 @@ mod tests {
         };
         assert!(nats(0.04).is_some_and(|nats| nats > 100.0), "{:?}", nats(0.04));
         assert!(nats(0.004).is_some_and(|nats| nats < -100.0), "{:?}", nats(0.004));
+        // What scatters a quarter as much would rather have any jitter than none, and yet this one not.
+        assert!(nats(0.01).is_some_and(|nats| nats < -100.0), "{:?}", nats(0.01));
     }
 
     /// Mean lateness [s] of steps held for 50 ms, sampled every `dt_s`.

@@ -349,6 +349,8 @@ pub struct ScatterFinding {
     pub shows_up_to_a_per_s: Option<f64>,
     /// All readings as the pressure was, where it can be told from what it did to them; empty where not [bar].
     pub restored: Vec<f64>,
+    /// What it adds to each reading, where that can be told from all else; empty where not [bar].
+    pub alone_bar: Vec<f64>,
     /// Standard deviation of what it adds to each sample [bar].
     pub spread_bar: Vec<f64>,
     /// Whether it came at times of its own, which say nothing of another drive: no model of the valve holds it then.

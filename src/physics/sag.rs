@@ -31,13 +31,16 @@ pub(super) struct Sags {
     pub level_bar: f64,
     /// Samples of each stretch, from and to.
     pub stretches: Vec<(usize, usize)>,
+    /// Shorter stretches at that level: the peaks of what is asked.
+    pub peaks: Vec<(usize, usize)>,
 }
 
 impl Sags {
     /// The samples in and about the stretches.
     pub fn samples(&self, dt_s: f64, samples: usize) -> Vec<usize> {
         let margin = (RECOVERY_S / dt_s) as usize;
-        let near = |k: &usize| self.stretches.iter().any(|(from, to)| (from.saturating_sub(margin)..to + margin).contains(k));
+        let near =
+            |k: &usize| self.stretches.iter().chain(&self.peaks).any(|(from, to)| (from.saturating_sub(margin)..to + margin).contains(k));
         (0..samples).filter(near).collect()
     }
 
@@ -63,7 +66,9 @@ pub(super) fn sags(of: &Scatter<'_>) -> Option<Sags> {
     let standing = |(from, to): &(usize, usize)| (*from..*to).filter(at_level).count() as f64 >= STANDING * (to - from) as f64;
     let found: Vec<(usize, usize)> = stretches.into_iter().filter(standing).collect();
     let inside: Vec<usize> = found.iter().flat_map(|(from, to)| *from..*to).collect();
-    let sags = Sags { level_bar, stretches: found };
+    // Once the level is known, every reading that stands at it where it is too low is one of its own.
+    let peaks = self::stretches(of.measured_bar.len(), 0, |k| too_high(k) && at_level(&k));
+    let sags = Sags { level_bar, stretches: found, peaks };
     let fewest = TIME_S / of.dt_s;
     if sags.stretches.len() < FEWEST || (inside.len() as f64) < fewest.max(MOST * in_all as f64) {
         return None;
@@ -92,7 +97,7 @@ fn stretches(samples: usize, shortest: usize, holds: impl Fn(usize) -> bool) -> 
 }
 
 /// The middle of the interval of this width that holds most of the values.
-fn densest(values: &mut [f64], width: f64) -> Option<f64> {
+pub(super) fn densest(values: &mut [f64], width: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let mut from = 0;
     let mut best = (0, f64::NAN);
@@ -120,16 +125,11 @@ mod tests {
 
     fn found(supply: impl Fn(f64) -> f64) -> Option<Sags> {
         let (measured_bar, simulated_bar) = drive(supply);
-        sags(&Scatter {
-            dt_s: 0.01,
-            noise_bar: 0.03,
-            measured_bar: &measured_bar,
-            simulated_bar: &simulated_bar,
-            current_a: &[],
-            runs: &[],
-            delay_s: 0.0,
-            lag_s: 0.0,
-        })
+        sags(&look(&measured_bar, &simulated_bar))
+    }
+
+    fn look<'a>(measured_bar: &'a [f64], simulated_bar: &'a [f64]) -> Scatter<'a> {
+        Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar, simulated_bar, current_a: &[], runs: &[], delay_s: 0.0, lag_s: 0.0 }
     }
 
     #[test]
@@ -138,6 +138,22 @@ mod tests {
         let sags = found(sagging).expect("two sags");
         assert!((sags.level_bar - 20.0).abs() < 0.1, "{}", sags.level_bar);
         assert!(sags.stretches.len() >= 2);
+    }
+
+    #[test]
+    fn the_peaks_that_a_sag_cuts_belong_to_it_however_short_they_are() {
+        let sagging = |t: f64| if (14.0..21.0).contains(&t) || (40.0..50.0).contains(&t) { 20.0 } else { 40.0 };
+        let (mut measured_bar, mut simulated_bar) = drive(sagging);
+        // In the second sag, half a second of peaks of 50 ms each that all are cut at the level.
+        for k in (4600..4650).filter(|k| k % 10 < 5) {
+            (simulated_bar[k], measured_bar[k]) = (24.0, 20.0);
+        }
+        for k in (4600..4650).filter(|k| k % 10 >= 5) {
+            (simulated_bar[k], measured_bar[k]) = (12.0, 12.0);
+        }
+        let sags = sags(&look(&measured_bar, &simulated_bar)).expect("two sags");
+        let masked = sags.samples(0.01, 6000);
+        assert!((4600..4650).filter(|k| k % 10 < 5).all(|k| masked.contains(&k)));
     }
 
     #[test]
@@ -151,37 +167,13 @@ mod tests {
         let (_, wanted) = drive(|_| 40.0);
         let wanted: Vec<f64> = wanted.iter().map(|p| (p - 15.0).max(0.0) * 2.0 + 0.5).collect();
         let measured: Vec<f64> = wanted.iter().enumerate().map(|(k, p)| if k > 3000 && *p < 2.0 { 0.1 } else { *p }).collect();
-        assert!(
-            sags(&Scatter {
-                dt_s: 0.01,
-                noise_bar: 0.03,
-                measured_bar: &measured,
-                simulated_bar: &wanted,
-                current_a: &[],
-                runs: &[],
-                delay_s: 0.0,
-                lag_s: 0.0
-            })
-            .is_none()
-        );
+        assert!(sags(&look(&measured, &wanted)).is_none());
     }
 
     #[test]
     fn a_pressure_that_is_too_low_at_any_level_is_not() {
         let (measured, wanted) = drive(|_| 40.0);
         let low: Vec<f64> = measured.iter().map(|p| 0.95 * p).collect();
-        assert!(
-            sags(&Scatter {
-                dt_s: 0.01,
-                noise_bar: 0.03,
-                measured_bar: &low,
-                simulated_bar: &wanted,
-                current_a: &[],
-                runs: &[],
-                delay_s: 0.0,
-                lag_s: 0.0
-            })
-            .is_none()
-        );
+        assert!(sags(&look(&low, &wanted)).is_none());
     }
 }

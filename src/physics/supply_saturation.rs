@@ -13,9 +13,12 @@
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, chapter 7 (hydraulic power elements).
 
 use super::block::{Block, Point, Pointwise};
-use super::effect::{Context, Effect, Parameter, Scatter, ScatterFinding, Stage, Theta};
-use super::sag::sags;
+use super::effect::{Context, Effect, Hint, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::sag::{densest, sags};
 use crate::units::{PRESSURE, TIME};
+
+/// A reading is too low by this many times the scale of what the model leaves: one in a thousand by chance.
+const TOO_LOW: f64 = 3.0;
 
 /// The effect `supply_saturation`.
 pub struct SupplySaturation;
@@ -59,6 +62,12 @@ impl Effect for SupplySaturation {
             Parameter { name: "until", unit: &TIME, range: (0.0, 1e6), starts: &[1e6], default: Some(1e6), meaning: "end of the limit" },
         ];
         &PARAMETERS
+    }
+    /// The level at which the pressure stands where it is too low.
+    fn propose(&self, hint: &Hint<'_>) -> Vec<Vec<f64>> {
+        let low = |k: &usize| hint.residual_bar[*k] < -TOO_LOW * hint.scale_bar;
+        let mut levels: Vec<f64> = (0..hint.residual_bar.len()).filter(low).map(|k| hint.pressure_bar[k] + hint.residual_bar[k]).collect();
+        densest(&mut levels, 2.0 * TOO_LOW * hint.scale_bar).map(|limit| vec![limit, 0.05, 0.0, 1e6]).into_iter().collect()
     }
     /// A supply that sags at times of its own.
     fn scatter(&self, of: &Scatter<'_>) -> Option<ScatterFinding> {

@@ -29,6 +29,8 @@ const LEAST_NATS: f64 = 20.0;
 const SHARE: f64 = 0.5;
 /// What the current moves in the band may be this share of what is found there: beyond it, it is an answer to the current.
 const MOVED: f64 = 0.5;
+/// Harmonics that a tone may have beside itself, at most this one.
+const HARMONICS: f64 = 3.0;
 /// In the calmest third of the time the tone keeps at least this share of its power; what rings after movements does not.
 const CALM: f64 = 0.4;
 /// The pressure is calm by how little it has moved over so many periods of the tone.
@@ -47,18 +49,27 @@ pub(super) fn wandering_tone(of: &Scatter<'_>) -> Option<ScatterFinding> {
     let (left, moved) = (spectrum(&residual, segment), spectrum(of.simulated_bar, segment));
     let bands = (LOWEST..left.len()).filter_map(|middle| Band::about(middle, &left));
     let band = bands.max_by(|a, b| a.power.total_cmp(&b.power))?;
+    let hz = |bin: f64| bin / (segment as f64 * of.dt_s);
     let variance = residual.iter().map(|e| e * e).sum::<f64>() / samples as f64;
     let nats = band.nats(&left) * samples as f64 / segment as f64;
     let follows = band.beyond(&moved) > MOVED * band.power;
     if band.stands_out < STANDS_OUT || nats < LEAST_NATS || band.power < SHARE * variance || follows {
         return None;
     }
-    let hz = |bin: f64| bin / (segment as f64 * of.dt_s);
     let (middle, width) = band.moments(&left);
-    let alone =
-        passed(&residual, |bin| (hz(1.0) * band.from as f64..=hz(1.0) * band.to as f64).contains(&(bin / (samples as f64 * of.dt_s))));
+    // The band, and that of each of its harmonics.
+    let (from, to) = (hz(band.from as f64), hz(band.to as f64));
+    let within_band = |bin: f64, harmonics: f64| {
+        let at = bin / (samples as f64 * of.dt_s);
+        let nearest = (at / hz(middle)).round();
+        (1.0..=harmonics).contains(&nearest) && (from..=to).contains(&(at / nearest))
+    };
+    let alone = passed(&residual, |bin| within_band(bin, 1.0));
+    // Of a closed loop, the current answers the tone, and what is simulated with it: that is no movement of its own.
+    let answer = passed(of.simulated_bar, |bin| within_band(bin, HARMONICS));
+    let course: Vec<f64> = of.simulated_bar.iter().zip(answer).map(|(p, tone)| p - tone).collect();
     let within = (PERIODS / (hz(middle) * of.dt_s)).ceil() as usize;
-    let calm = calm_share(&alone, of.simulated_bar, within)?;
+    let calm = calm_share(&alone, &course, within)?;
     if calm < CALM {
         return None;
     }
@@ -68,6 +79,7 @@ pub(super) fn wandering_tone(of: &Scatter<'_>) -> Option<ScatterFinding> {
         std_errors: vec![hz(width) / (samples as f64 / segment as f64).sqrt(), f64::NAN, f64::NAN],
         gain_nats: nats,
         masked: Vec::new(),
+        alone_bar: passed(&residual, |bin| within_band(bin, HARMONICS)),
         spread_bar: vec![rms_bar; samples],
         is_event: true,
         evidence: format!(
@@ -167,16 +179,12 @@ fn passed(values: &[f64], kept: impl Fn(f64) -> bool) -> Vec<f64> {
     if back.process(&mut bins, &mut output).is_err() { values.to_vec() } else { output }
 }
 
-/// Mean power of `values` in the third of the time in which the pressure has moved least over the last `within` samples, over that of
-/// all of it.
+/// Mean power of `values` in the third of the time in which the pressure has come least far over the last `within` samples, over that
+/// of all of it.
 fn calm_share(values: &[f64], pressure_bar: &[f64], within: usize) -> Option<f64> {
-    let steps: Vec<f64> = std::iter::once(0.0).chain(pressure_bar.windows(2).map(|w| (w[1] - w[0]).abs())).collect();
-    let mut travel = 0.0;
-    let mut moved: Vec<(f64, f64)> = Vec::with_capacity(values.len());
-    for (k, value) in values.iter().enumerate() {
-        travel += steps[k] - if k >= within { steps[k - within] } else { 0.0 };
-        moved.push((travel, value * value));
-    }
+    // What it has come, not the way that it went: noise that a controller answers goes a long way and comes nowhere.
+    let come = |k: usize| (pressure_bar[k] - pressure_bar[k.saturating_sub(within)]).abs();
+    let mut moved: Vec<(f64, f64)> = values.iter().enumerate().map(|(k, value)| (come(k), value * value)).collect();
     let third = values.len() / 3;
     if third == 0 {
         return None;
@@ -236,6 +244,31 @@ mod tests {
 
     fn finds(and_then: impl Fn(f64, f64, f64) -> f64) -> bool {
         look(and_then).is_some()
+    }
+
+    #[test]
+    fn a_tone_that_grows_with_the_pressure_is_one_also_where_a_controller_answers_it() {
+        // The current answers the tone, the more the larger it is, and so does what is simulated.
+        let levels = [4.0, 12.0, 7.0, 15.0, 9.0];
+        let level = |k: usize| levels[(k / 400) % levels.len()];
+        let tone = |k: usize| 0.03 * level(k) * turn(7.0 * DT_S * k as f64);
+        let mut random = rand_pcg::Pcg64::seed_from_u64(4);
+        let normal = Normal::new(0.0, 0.05).unwrap();
+        let simulated: Vec<f64> = (0..12_000).map(|k| level(k) - 0.3 * tone(k.saturating_sub(4)) + normal.sample(&mut random)).collect();
+        let measured: Vec<f64> = (0..12_000).map(|k| level(k) + tone(k) + normal.sample(&mut random)).collect();
+        let found = wandering_tone(&Scatter {
+            dt_s: DT_S,
+            noise_bar: 0.05,
+            measured_bar: &measured,
+            simulated_bar: &simulated,
+            current_a: &[],
+            runs: &[],
+            delay_s: 0.0,
+            lag_s: 0.0,
+        });
+        let alone_bar = found.expect("a tone").alone_bar;
+        let missed = (100..11_900).map(|k| (alone_bar[k] - tone(k) - 0.3 * tone(k - 4)).powi(2)).sum::<f64>() / 11_800.0;
+        assert!(missed.sqrt() < 0.05, "what it adds is told within the noise: {missed}");
     }
 
     #[test]
