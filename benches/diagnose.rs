@@ -45,6 +45,9 @@ mod model;
 #[path = "../src/diagnose/prior.rs"]
 #[allow(dead_code)]
 mod prior;
+#[path = "../src/diagnose/recall.rs"]
+#[allow(dead_code)]
+mod recall;
 #[path = "../src/diagnose/remembered.rs"]
 #[allow(dead_code)]
 mod remembered;

@@ -20,7 +20,7 @@ const TRIFLE_NATS: f64 = 0.02;
 const PACE: Pace = Pace { steps: 0, damping: 1e-2, least: 1e-6, raised: 8.0, tries: 4 };
 
 /// How a fit descends.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Hash)]
 pub struct Descent {
     /// Most steps.
     pub iterations: usize,
@@ -149,7 +149,7 @@ impl Fitter<'_> {
 
     /// As [`Fitter::polish`], with a simulator to go on with.
     pub fn polish_in<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, start: &[f64], descent: Descent) -> Fit<'a> {
-        let from = simulator.start_share().map_or(-1.0, |share| share);
+        let from = simulator.start_share.unwrap_or(-1.0);
         let fit = || vec![self.descended(simulator, model, start, descent)];
         self.remembering((model, &[start, &[from]]), descent, fit).swap_remove(0)
     }

@@ -37,6 +37,7 @@ mod posterior;
 mod prior;
 mod process;
 mod profile;
+mod recall;
 mod remainder;
 mod remembered;
 mod rival;

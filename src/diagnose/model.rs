@@ -63,25 +63,25 @@ pub struct Model<'a> {
     /// The valve as calibrated.
     pub valve: &'a Valve,
     /// Effects that the valve file already has, fixed.
-    fixed: Vec<(&'static dyn Effect, Vec<f64>)>,
+    pub(super) fixed: Vec<(&'static dyn Effect, Vec<f64>)>,
     /// Effects whose parameters are free.
     pub effects: Vec<&'static dyn Effect>,
     /// What the signature of each says beyond the fit [nats].
     signature_nats: Vec<f64>,
     /// Which parameters of each stay at their defaults.
-    held: Vec<Vec<bool>>,
+    pub(super) held: Vec<Vec<bool>>,
     /// Largest lag that counts as part of the base [s].
-    lag_limit_s: f64,
+    pub(super) lag_limit_s: f64,
     /// How much slower than a valve the recorded process is.
     pub slowness: f64,
     /// Step of the recording where the base is a foreign model, of which gain, zero and delay alone can move [s].
-    foreign_step_s: Option<f64>,
+    pub(super) foreign_step_s: Option<f64>,
     /// How far the model is off where nothing is wrong [bar].
-    form_error_bar: f64,
+    pub(super) form_error_bar: f64,
     /// Whether the calibration stays as it is.
-    is_still: bool,
+    pub(super) is_still: bool,
     /// How the recording is sampled that it is fitted to.
-    sampling: Sampling,
+    pub(super) sampling: Sampling,
 }
 
 impl<'a> Model<'a> {
@@ -170,15 +170,6 @@ impl<'a> Model<'a> {
         let mut more = self.clone();
         more.fixed.push((effect, values));
         more
-    }
-
-    /// All by which a fit of this model differs from a fit of another one, in words that nobody reads.
-    pub fn told_apart(&self) -> String {
-        let Self { valve, fixed, effects, held, lag_limit_s, slowness, foreign_step_s, form_error_bar, is_still, sampling, .. } = self;
-        let fixed: Vec<_> = fixed.iter().map(|(effect, values)| (effect.id(), values)).collect();
-        let effects: Vec<_> = effects.iter().map(|effect| effect.id()).collect();
-        let about = (lag_limit_s, slowness, foreign_step_s, form_error_bar, is_still, sampling);
-        format!("{valve:?} {fixed:?} {effects:?} {held:?} {about:?}")
     }
 
     /// What the signatures of the effects say beyond the fit [nats].
@@ -372,7 +363,7 @@ impl<'a> Model<'a> {
 pub struct Simulator<'e> {
     evidence: &'e Evidence,
     /// Where between its curves the valve stands at first, the same for every run; otherwise as the evidence has it.
-    start_share: Option<f64>,
+    pub(super) start_share: Option<f64>,
     runs: Vec<Kept>,
 }
 
@@ -395,11 +386,6 @@ impl<'e> Simulator<'e> {
     /// For this evidence, with the valve between its curves at first: 0 on the ascending one, 1 on the descending.
     pub fn starting_at(evidence: &'e Evidence, start_share: f64) -> Self {
         Self { start_share: Some(start_share), ..Self::new(evidence) }
-    }
-
-    /// Where it has the valve between its curves at first; as the evidence has it where it is none.
-    pub fn start_share(&self) -> Option<f64> {
-        self.start_share
     }
 
     /// Pressure of all runs, one after the other [bar].

@@ -123,8 +123,8 @@ impl<'a> Findings<'_, 'a> {
         let Rivals { without, effects, fits } = rivals;
         let mut rest: Vec<(f64, usize)> = of_rivals.iter().copied().zip(0..).collect();
         rest.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // Where no name reaches its share, the class goes by its likeliest member.
-        let times = if own < criteria.name_share { 1.0 } else { criteria.likelier };
+        // Where no name reaches its share, the class goes by its likeliest member, unless it is likelier by what says nothing.
+        let times = if own < criteria.name_share { (0.5 * criteria.power * criteria.tie).exp() } else { criteria.likelier };
         let likelier = rest.first().filter(|(share, _)| *share > times * chosen_share).map(|(share, k)| (*share, fits[*k].clone()));
         let mut held = own;
         let mut members = Vec::new();
