@@ -96,23 +96,28 @@ impl Again {
         }
     }
 
-    fn kept(&self, name: &str, value: f64) -> PathBuf {
+    fn path(&self, name: &str, value: f64) -> PathBuf {
         self.folder.join(format!("by-{name}-{value}-{}.json", env!("CARGO_PKG_VERSION")))
     }
 
-    /// Whether this was asked before.
-    pub(super) fn is_kept(&self, name: &str, value: f64) -> bool {
-        self.kept(name, value).exists()
+    /// What was answered before when one threshold was another one, where that was asked and can be read.
+    pub(super) fn kept(&self, name: &str, value: f64) -> Option<Answer> {
+        let text = std::fs::read_to_string(self.path(name, value)).ok()?;
+        self.read(&text).ok()
     }
 
     /// What is answered when one threshold is another one; kept beside the record.
     pub(super) fn by_criterion(&self, name: &str, value: f64) -> Result<Answer, String> {
-        let kept = self.kept(name, value);
-        if !self.is_kept(name, value) {
-            write_text(&kept, &self.told_by(&Criteria::default().with(name, value)?)?).map_err(|e| e.to_string())?;
+        if let Some(answer) = self.kept(name, value) {
+            return Ok(answer);
         }
-        let text = std::fs::read_to_string(&kept).map_err(|e| format!("{}: {e}", kept.display()))?;
-        read_answer(&text, self.folder.join("commission.csv").exists())
+        let told = self.told_by(&Criteria::default().with(name, value)?)?;
+        write_text(&self.path(name, value), &told).map_err(|e| e.to_string())?;
+        self.read(&told)
+    }
+
+    fn read(&self, text: &str) -> Result<Answer, String> {
+        read_answer(text, self.folder.join("commission.csv").exists())
     }
 
     fn told_by(&self, criteria: &Criteria) -> Result<String, String> {

@@ -29,7 +29,7 @@ impl Tallies {
         self.beside.resize(tried.len(), [Tally::default(); 2]);
         self.moved.resize(tried.len(), [0; 2]);
         let again = contestant.again()?;
-        if !tried.iter().all(|(name, _, values)| values.iter().all(|value| again.is_kept(name, *value))) {
+        if !tried.iter().all(|(name, _, values)| values.iter().all(|value| again.kept(name, *value).is_some())) {
             again.as_usual()?;
         }
         let answers = tried.par_iter().map(|(name, _, values)| {

@@ -148,7 +148,12 @@ fn a_start_from_which_nothing_can_move_takes_no_place() {
     let fitter = Fitter::new(&evidence);
     let null = fitter.recalibrate(&base, &[]);
     let start = |limit_bar: f64| vec![limit_bar, 0.05, 0.0, 1e6];
-    let living = |starts: &[Vec<f64>]| fitter.living(&mut Simulator::new(&evidence), &base.with(limit, 0.0), &null, starts);
+    let living_of = |of: &'static dyn Effect, starts: &[Vec<f64>]| {
+        let (mut simulator, model) = (Simulator::new(&evidence), base.with(of, 0.0));
+        let starts = fitter.in_proportion(&mut simulator, &model, &null, starts);
+        fitter.living(&mut simulator, &model, &null, starts).into_iter().map(|start| start.values).collect::<Vec<_>>()
+    };
+    let living = |starts: &[Vec<f64>]| living_of(limit, starts);
     assert_eq!(
         living(&[start(90.0), start(16.0), start(60.0)]),
         [start(16.0)],
@@ -158,15 +163,7 @@ fn a_start_from_which_nothing_can_move_takes_no_place() {
     // An effect that does nothing where it begins, but would a step farther, lives.
     let shift = effect("reference_shift").unwrap();
     let from_nothing = vec![vec![0.0; 4]];
-    assert_eq!(
-        fitter.living(
-            &mut Simulator::new(&evidence),
-            &base.with(shift, 0.0),
-            &null,
-            &[from_nothing[0].clone(), vec![-0.02, 0.0, 1e6, 0.0]]
-        ),
-        from_nothing
-    );
+    assert_eq!(living_of(shift, &[from_nothing[0].clone(), vec![-0.02, 0.0, 1e6, 0.0]]), from_nothing);
 }
 
 /// A limit that cuts little of the record, high up, where the steps between the usual starts are too large.

@@ -33,6 +33,21 @@ const LATER: (usize, usize) = (4, 2);
 /// Of those from a base that gives back what the effect delays, so many besides.
 const GIVEN_BACK: usize = 2;
 
+/// A start of an effect, in proportion to what the incumbent leaves.
+pub struct Proportioned {
+    /// Its values.
+    pub values: Vec<f64>,
+    /// By how much later the base would be beside it [s].
+    later_s: f64,
+    /// Whether the effect changes any pressure where it begins.
+    does_something: bool,
+}
+
+/// Whether two simulated pressures [bar] differ anywhere.
+fn differ(first: &[f64], second: &[f64]) -> bool {
+    first.iter().zip(second).any(|(a, b)| (a - b).abs() > NOTHING_BAR)
+}
+
 impl Fitter<'_> {
     /// Fits `model`, whose last effect is new.
     pub fn fit_new<'a>(&self, model: &Model<'a>, incumbent: &Fit<'a>, hints: &[Vec<f64>]) -> Fit<'a> {
@@ -61,11 +76,11 @@ impl Fitter<'_> {
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
         let (mut tried, mut given_back): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
+        let starts = self.in_proportion(&mut simulator, model, incumbent, starts);
         let starts = self.living(&mut simulator, model, incumbent, starts);
-        let starts = self.in_proportion(&mut simulator, model, incumbent, &starts);
         // A loop that widens looks late as well.
         let of_course = !model.effects[held].imitates_form();
-        for (values, later_s) in &starts {
+        for Proportioned { values, later_s, .. } in &starts {
             let mut from = |base: &[f64]| {
                 let theta = [base, values.as_slice()].concat();
                 self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual)
@@ -104,38 +119,38 @@ impl Fitter<'_> {
         simulator: &mut Simulator<'_>,
         model: &Model<'_>,
         incumbent: &Fit<'_>,
-        starts: &[Vec<f64>],
-    ) -> Vec<Vec<f64>> {
+        starts: Vec<Proportioned>,
+    ) -> Vec<Proportioned> {
+        if starts.iter().all(|start| start.does_something) {
+            return starts;
+        }
         let (mut given, mut with) = (Vec::new(), Vec::new());
         simulator.pressure(&incumbent.model, &incumbent.theta, &mut given);
         let free = model.free();
-        let own = incumbent.theta.len();
-        let mut lives = |start: &&Vec<f64>| {
-            let as_it_is = clamped(&free, &[incumbent.theta.as_slice(), start].concat());
-            let moved = (own..free.len()).flat_map(|k| [free[k].step, -free[k].step].map(|step| (k, step))).map(|(k, step)| {
-                let mut theta = as_it_is.clone();
+        let mut may_move = |start: &Proportioned| {
+            let stands = clamped(&free, &[incumbent.theta.as_slice(), &start.values].concat());
+            (incumbent.theta.len()..free.len()).flat_map(|k| [free[k].step, -free[k].step].map(|step| (k, step))).any(|(k, step)| {
+                let mut theta = stands.clone();
                 theta[k] = shifted(&free[k], theta[k], step);
-                theta
-            });
-            std::iter::once(as_it_is.clone()).chain(moved).any(|theta| {
                 simulator.pressure(model, &theta, &mut with);
-                with.iter().zip(&given).any(|(w, g)| (w - g).abs() > NOTHING_BAR)
+                differ(&given, &with)
             })
         };
-        let living: Vec<Vec<f64>> = starts.iter().filter(|start| lives(start)).cloned().collect();
-        if living.is_empty() { starts.to_vec() } else { living }
+        let lives: Vec<bool> = starts.iter().map(|start| start.does_something || may_move(start)).collect();
+        let all_dead = !lives.contains(&true);
+        starts.into_iter().zip(lives).filter(|(_, lives)| all_dead || *lives).map(|(start, _)| start).collect()
     }
 
     /// The starts with the amplitude, where the last effect of `model` has one, at which what it does comes nearest to what the
     /// incumbent leaves, and by how much later the base would be then [s], while its gain and offset make room: the part of the fit
     /// that is linear, or nearly so, is solved, and only the rest has to be tried (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
-    fn in_proportion(
+    pub(super) fn in_proportion(
         &self,
         simulator: &mut Simulator<'_>,
         model: &Model<'_>,
         incumbent: &Fit<'_>,
         starts: &[Vec<f64>],
-    ) -> Vec<(Vec<f64>, f64)> {
+    ) -> Vec<Proportioned> {
         let amplitude = model.effects.last().and_then(|e| e.amplitude());
         let range = amplitude.map(|at| model.free()[incumbent.theta.len() + at].range);
         let (mut given, mut with) = (Vec::new(), Vec::new());
@@ -173,7 +188,8 @@ impl Fitter<'_> {
                     values[at] = value;
                 }
             }
-            (values, if later_s.is_finite() { later_s } else { 0.0 })
+            let later_s = if later_s.is_finite() { later_s } else { 0.0 };
+            Proportioned { values, later_s, does_something: differ(&given, &with) }
         };
         starts.iter().map(solved).collect()
     }
@@ -198,14 +214,13 @@ impl Fitter<'_> {
     pub fn finish<'a>(&self, rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
         let model = rough[0].model.clone();
         let from: Vec<&[f64]> = rough.iter().flat_map(|f| [f.theta.as_slice(), std::slice::from_ref(&f.scale_bar)]).collect();
-        self.remembering((&model, &from), ("finish", hopeless), || vec![self.finished(rough.clone(), hopeless)]).swap_remove(0)
+        self.remembering((&model, &from), ("finish", hopeless), || vec![self.finished(&rough, hopeless)]).swap_remove(0)
     }
 
-    fn finished<'a>(&self, mut rough: Vec<Fit<'a>>, hopeless: bool) -> Fit<'a> {
+    fn finished<'a>(&self, rough: &[Fit<'a>], hopeless: bool) -> Fit<'a> {
         let mut simulator = Simulator::new(self.evidence);
-        rough.truncate(if hopeless { 1 } else { self.near(&rough) });
-        let steps = if hopeless { FIRST_STEPS } else { 18 };
-        let fine = rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
+        let (count, steps) = if hopeless { (1, FIRST_STEPS) } else { (self.near(rough), 18) };
+        let fine = rough[..count].iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
         let best = fine.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
         if hopeless { best } else { self.to_the_end(&mut simulator, best) }
     }

@@ -276,16 +276,7 @@ mod tests {
                 at(t - late((t / 2.0) as usize, simulated[k])) + noise(k)
             })
             .collect();
-        seen(&Scatter {
-            dt_s: 0.01,
-            noise_bar: 0.03,
-            measured_bar: &measured,
-            simulated_bar: &simulated,
-            current_a: &[],
-            runs: &[],
-            delay_s: 0.0,
-            lag_s: 0.0,
-        })
+        seen(&Scatter::between(&measured, &simulated, 0.03))
     }
 
     fn found(late: impl Fn(usize, f64) -> f64) -> bool {
@@ -352,18 +343,7 @@ mod tests {
         let noise = |k: usize| 0.03 * (((k * 7919) % 101) as f64 / 50.0 - 1.0);
         let finds = |late: &dyn Fn(usize) -> f64| {
             let measured: Vec<f64> = (0..8000).map(|k| at(time(k) - late(k / 400)) + noise(k)).collect();
-            DelayJitter
-                .scatter(&Scatter {
-                    dt_s: 0.01,
-                    noise_bar: 0.03,
-                    measured_bar: &measured,
-                    simulated_bar: &simulated,
-                    current_a: &[],
-                    runs: &[],
-                    delay_s: 0.0,
-                    lag_s: 0.0,
-                })
-                .is_some()
+            DelayJitter.scatter(&Scatter::between(&measured, &simulated, 0.03)).is_some()
         };
         assert!(!finds(&|_| 0.1));
         assert!(finds(&|step| 0.02 * ((step * 5) % 7) as f64));

@@ -334,6 +334,14 @@ pub struct Scatter<'a> {
     pub lag_s: f64,
 }
 
+#[cfg(test)]
+impl<'a> Scatter<'a> {
+    /// What was measured beside what was simulated, 100 times a second and without a current.
+    pub(super) fn between(measured_bar: &'a [f64], simulated_bar: &'a [f64], noise_bar: f64) -> Self {
+        Self { dt_s: 0.01, noise_bar, measured_bar, simulated_bar, current_a: &[], runs: &[], delay_s: 0.0, lag_s: 0.0 }
+    }
+}
+
 /// What an effect of the scatter found.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ScatterFinding {

@@ -125,11 +125,7 @@ mod tests {
 
     fn found(supply: impl Fn(f64) -> f64) -> Option<Sags> {
         let (measured_bar, simulated_bar) = drive(supply);
-        sags(&look(&measured_bar, &simulated_bar))
-    }
-
-    fn look<'a>(measured_bar: &'a [f64], simulated_bar: &'a [f64]) -> Scatter<'a> {
-        Scatter { dt_s: 0.01, noise_bar: 0.03, measured_bar, simulated_bar, current_a: &[], runs: &[], delay_s: 0.0, lag_s: 0.0 }
+        sags(&Scatter::between(&measured_bar, &simulated_bar, 0.03))
     }
 
     #[test]
@@ -151,7 +147,7 @@ mod tests {
         for k in (4600..4650).filter(|k| k % 10 >= 5) {
             (simulated_bar[k], measured_bar[k]) = (12.0, 12.0);
         }
-        let sags = sags(&look(&measured_bar, &simulated_bar)).expect("two sags");
+        let sags = sags(&Scatter::between(&measured_bar, &simulated_bar, 0.03)).expect("two sags");
         let masked = sags.samples(0.01, 6000);
         assert!((4600..4650).filter(|k| k % 10 < 5).all(|k| masked.contains(&k)));
     }
@@ -167,13 +163,13 @@ mod tests {
         let (_, wanted) = drive(|_| 40.0);
         let wanted: Vec<f64> = wanted.iter().map(|p| (p - 15.0).max(0.0) * 2.0 + 0.5).collect();
         let measured: Vec<f64> = wanted.iter().enumerate().map(|(k, p)| if k > 3000 && *p < 2.0 { 0.1 } else { *p }).collect();
-        assert!(sags(&look(&measured, &wanted)).is_none());
+        assert!(sags(&Scatter::between(&measured, &wanted, 0.03)).is_none());
     }
 
     #[test]
     fn a_pressure_that_is_too_low_at_any_level_is_not() {
         let (measured, wanted) = drive(|_| 40.0);
         let low: Vec<f64> = measured.iter().map(|p| 0.95 * p).collect();
-        assert!(sags(&look(&low, &wanted)).is_none());
+        assert!(sags(&Scatter::between(&low, &wanted, 0.03)).is_none());
     }
 }

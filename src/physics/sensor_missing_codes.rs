@@ -185,14 +185,9 @@ mod tests {
         let simulated_bar: Vec<f64> = simulated_bar.iter().map(|p| 1.004 * p + 0.05).collect();
         let runs = [0..4000, 4000..9000];
         let found = SensorMissingCodes.scatter(&Scatter {
-            dt_s: 0.01,
-            noise_bar: before_bar.hypot(behind_bar),
-            measured_bar: &measured_bar,
-            simulated_bar: &simulated_bar,
             current_a: &simulated_bar,
             runs: &runs,
-            delay_s: 0.0,
-            lag_s: 0.0,
+            ..Scatter::between(&measured_bar, &simulated_bar, before_bar.hypot(behind_bar))
         })?;
         let off = found.restored.iter().zip(&sensed).filter(|(a, b)| (*a - *b).abs() > 0.1 * found.theta[1]).count();
         Some((found, off as f64 / 9000.0))

@@ -215,16 +215,7 @@ mod tests {
             0.03 * z
         };
         let measured: Vec<f64> = simulated.iter().enumerate().map(|(k, p)| p + noise(&mut random) + off(k).unwrap_or(0.0)).collect();
-        SensorOutliers.scatter(&Scatter {
-            dt_s: 0.01,
-            noise_bar: 0.03,
-            measured_bar: &measured,
-            simulated_bar: &simulated,
-            current_a: &[],
-            runs: &[],
-            delay_s: 0.0,
-            lag_s: 0.0,
-        })
+        SensorOutliers.scatter(&Scatter::between(&measured, &simulated, 0.03))
     }
 
     #[test]

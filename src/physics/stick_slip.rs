@@ -300,15 +300,11 @@ mod tests {
         let normal = Normal::new(0.0, noise_bar).unwrap();
         let measured_bar: Vec<f64> = current_a.iter().copied().map(answer).map(|i| BAR_PER_A * i + normal.sample(&mut random)).collect();
         let simulated_bar: Vec<f64> = current_a.iter().map(|i| BAR_PER_A * i).collect();
+        let runs = 0..current_a.len();
         ask(&Scatter {
-            dt_s: 0.01,
-            noise_bar,
-            measured_bar: &measured_bar,
-            simulated_bar: &simulated_bar,
             current_a: &current_a,
-            runs: std::slice::from_ref(&(0..current_a.len())),
-            delay_s: 0.0,
-            lag_s: 0.0,
+            runs: std::slice::from_ref(&runs),
+            ..Scatter::between(&measured_bar, &simulated_bar, noise_bar)
         })
     }
 

@@ -218,16 +218,7 @@ mod tests {
             simulated.push(p);
             measured.push(p + and_then(t, (k % 400) as f64 * DT_S, wander) + 0.05 * normal.sample(&mut random));
         }
-        wandering_tone(&Scatter {
-            dt_s: DT_S,
-            noise_bar: 0.05,
-            measured_bar: &measured,
-            simulated_bar: &simulated,
-            current_a: &[],
-            runs: &[],
-            delay_s: 0.0,
-            lag_s: 0.0,
-        })
+        wandering_tone(&Scatter::between(&measured, &simulated, 0.05))
     }
 
     fn turn(cycles: f64) -> f64 {
@@ -256,16 +247,7 @@ mod tests {
         let normal = Normal::new(0.0, 0.05).unwrap();
         let simulated: Vec<f64> = (0..12_000).map(|k| level(k) - 0.3 * tone(k.saturating_sub(4)) + normal.sample(&mut random)).collect();
         let measured: Vec<f64> = (0..12_000).map(|k| level(k) + tone(k) + normal.sample(&mut random)).collect();
-        let found = wandering_tone(&Scatter {
-            dt_s: DT_S,
-            noise_bar: 0.05,
-            measured_bar: &measured,
-            simulated_bar: &simulated,
-            current_a: &[],
-            runs: &[],
-            delay_s: 0.0,
-            lag_s: 0.0,
-        });
+        let found = wandering_tone(&Scatter::between(&measured, &simulated, 0.05));
         let alone_bar = found.expect("a tone").alone_bar;
         let missed = (100..11_900).map(|k| (alone_bar[k] - tone(k) - 0.3 * tone(k - 4)).powi(2)).sum::<f64>() / 11_800.0;
         assert!(missed.sqrt() < 0.05, "what it adds is told within the noise: {missed}");
@@ -286,18 +268,6 @@ mod tests {
         let time: Vec<f64> = (0..12_000).map(|k| DT_S * f64::from(k)).collect();
         let simulated: Vec<f64> = time.iter().map(|t| 10.0 + turn(4.0 * t)).collect();
         let measured: Vec<f64> = time.iter().map(|t| 10.0 + 0.6 * turn(4.0 * t - 0.05)).collect();
-        assert!(
-            wandering_tone(&Scatter {
-                dt_s: DT_S,
-                noise_bar: 0.05,
-                measured_bar: &measured,
-                simulated_bar: &simulated,
-                current_a: &[],
-                runs: &[],
-                delay_s: 0.0,
-                lag_s: 0.0
-            })
-            .is_none()
-        );
+        assert!(wandering_tone(&Scatter::between(&measured, &simulated, 0.05)).is_none());
     }
 }
