@@ -3,13 +3,13 @@
 //! In a closed loop the current follows the pressure, and with it every tone that stands in it. An effect that makes much of a small
 //! ripple of the current then gives back, from the controller's answer, the tone that was answered, on this record and on held-out
 //! parts of it alike: in a closed loop, what goes round says nothing of what came first (Ljung, System Identification, 2nd ed.,
-//! section 13.4). The tone itself tells: it stands in what the recalibrated model leaves, in a band in which the current as simulated
+//! section 13.4). The tone itself tells: it stands in what the model leaves, as calibrated or recalibrated, in a band in which the current as simulated
 //! moves next to nothing. Where that is what an effect gives back, the search begins anew on readings without it.
 
 use super::evidence::Evidence;
 use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
-use super::model::{Model, Simulator};
+use super::model::Model;
 use super::scatter::{Scattered, scatter};
 use super::search::{Search, search_in};
 
@@ -19,13 +19,18 @@ const MOST: f64 = 0.5;
 /// The tone that an effect of what was chosen gives back, where there is one.
 pub fn tone_given_back(fitter: &Fitter<'_>, search: &Search<'_>) -> Option<Scattered> {
     let chosen = &search.chosen;
+    if chosen.model.effects.is_empty() {
+        return None;
+    }
     let named = |id: &str| chosen.model.effects.iter().any(|e| e.id() == id) || fitter.found.contains(&id);
-    let mut tones = scatter(fitter, &search.null, |e| e.is_apart_from_form() && !named(e.id()));
-    tones.retain(|tone| !tone.finding.alone_bar.is_empty());
-    let with = (!tones.is_empty()).then(|| residual(fitter, chosen))?;
-    tones.into_iter().find(|tone| {
+    // A recalibration has turned the answer against the tone, and what is left of both is not the tone; the calibration has not.
+    let calibrated = fitter.as_it_stands(&Fit { theta: search.null.model.calibrated(), ..search.null.clone() });
+    let about = |fit: &Fit<'_>| scatter(fitter, fit, |e| e.is_apart_from_form() && !named(e.id()));
+    let tones = about(&calibrated).into_iter().chain(about(&search.null));
+    tones.filter(|tone| !tone.finding.alone_bar.is_empty()).find(|tone| {
+        let with = fitter.plain_residual(chosen);
         (0..chosen.model.effects.len()).any(|k| {
-            let without = residual(fitter, &fitter.refit_without(chosen, k));
+            let without = fitter.plain_residual(&fitter.refit_without(chosen, k));
             of_tone(&with, &without, &tone.finding.alone_bar) > MOST
         })
     })
@@ -53,12 +58,6 @@ pub fn search_without<'a>(fitter: &Fitter<'_>, base: &Model<'a>, null: &Fit<'_>,
     let short = excerpt(&quiet, base, Some(null));
     let mut looking = short.as_ref().map(|short| quiet.looking_at(short));
     search_in(&mut quiet, looking.as_mut(), base)
-}
-
-fn residual(fitter: &Fitter<'_>, fit: &Fit<'_>) -> Vec<f64> {
-    let mut out = Vec::new();
-    Simulator::new(fitter.evidence).residual(&fit.model, &fit.theta, &fitter.measured, &mut out);
-    out
 }
 
 #[cfg(test)]

@@ -99,11 +99,16 @@ impl HeldOut {
 }
 
 impl Fitter<'_> {
-    /// Root of the mean square of what a fit leaves, all readings alike [bar].
-    pub fn plain_rmse_bar(&self, fit: &Fit<'_>) -> f64 {
+    /// Measured minus simulated, all readings alike; NaN where masked [bar].
+    pub fn plain_residual(&self, fit: &Fit<'_>) -> Vec<f64> {
         let mut residual = Vec::new();
         Simulator::new(self.evidence).residual(&fit.model, &fit.theta, &self.measured, &mut residual);
-        rms(&residual)
+        residual
+    }
+
+    /// Root of the mean square of what a fit leaves, all readings alike [bar].
+    pub fn plain_rmse_bar(&self, fit: &Fit<'_>) -> f64 {
+        rms(&self.plain_residual(fit))
     }
 
     /// How far the model may be off over all readings alike where nothing is wrong [bar].

@@ -224,6 +224,53 @@ fn a_tone_near_half_the_rate_is_no_noise() {
 }
 
 #[test]
+fn a_droop_in_proportion_to_the_pressure_is_a_leak_before_it_is_the_gain_of_a_sensor() {
+    let mut leaks = valve();
+    leaks.effects.push(specification(effect("leakage").unwrap(), &[0.4, 1.0, 0.0]));
+    let d = diagnose_against(&recording(&leaks), &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+    let first = d.effects.first().unwrap_or_else(|| panic!("{}", d.summary));
+    assert_eq!((d.effects.len(), first.id.as_str(), first.claim), (1, "leakage", Claim::Changed), "{}", d.summary);
+    assert!(first.indistinguishable.iter().any(|id| id == "sensor_gain"), "nothing tells them apart: {}", d.summary);
+}
+
+/// A drive in a closed loop: the current answers the pressure as it was read a sample before, and a tone that grows with the pressure
+/// and whose pace wanders stands in it.
+fn humming_in_a_loop() -> Recording {
+    const AMPERE_PER_BAR: f64 = 0.006;
+    let (time_s, ahead_a) = drive();
+    let target = simulate(&valve(), Input::Held, &time_s, &ahead_a).unwrap();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(12);
+    let normal = Normal::new(0.0, 1.0).unwrap();
+    let mut phase = 0.0;
+    let besides: Vec<f64> = target
+        .iter()
+        .map(|p| {
+            phase += std::f64::consts::TAU * 9.3 * 0.01 + 0.005 * normal.sample(&mut random);
+            0.04 * p * phase.sin() + NOISE_BAR * normal.sample(&mut random)
+        })
+        .collect();
+    let (mut current_a, mut pressure) = (ahead_a.clone(), target.clone());
+    // Each pass is the loop once around; it loses most of what is wrong in it.
+    for _ in 0..30 {
+        for k in 1..current_a.len() {
+            current_a[k] = ahead_a[k] + AMPERE_PER_BAR * (target[k] - pressure[k - 1]);
+        }
+        pressure = simulate(&valve(), Input::Held, &time_s, &current_a).unwrap().iter().zip(&besides).map(|(p, more)| p + more).collect();
+    }
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    Recording { source: "loop.csv".into(), runs: vec![run], notes: vec![], input: None }
+}
+
+#[test]
+fn a_tone_that_a_controller_answers_is_no_hysteresis() {
+    let d = diagnose_against(&humming_in_a_loop(), &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+    let named: Vec<&str> = d.effects.iter().map(|f| f.id.as_str()).collect();
+    assert_eq!(named, ["periodic_disturbance"], "{}", d.summary);
+    let hz = d.effects[0].parameters["frequency"].value;
+    assert!((hz - 9.3).abs() < 0.2, "{hz}");
+}
+
+#[test]
 fn the_recording_of_an_identification_that_failed_excuses_nothing() {
     let (sweep, record) = (knocked(recording(&valve()), "sweep.csv", (1, 0.4)), knocked(recording(&valve()), "drive.csv", (2, 0.4)));
     let identified = Identification { recording: "sweep.csv".into(), sha256: Some("0".repeat(64)), ..Identification::default() };
