@@ -20,9 +20,13 @@ impl Findings<'_, '_> {
     /// What may be excused as noise [bar]: that of the record, or of the good valve where the record seems to be much noisier. A tone
     /// between the samples, a loose contact or a worse sensor is what has changed, though a search had better not look into it.
     pub fn noise_bar(&self) -> f64 {
-        let noise_bar = self.fitter.evidence.noise_bar;
-        let noisier = |known_bar: &f64| (self.fitter.criteria.noisier * known_bar..SMOOTHED * known_bar).contains(&noise_bar);
-        self.good.map(|good| good.evidence.noise_bar).filter(noisier).unwrap_or(noise_bar)
+        let (criteria, noise_bar) = (&self.fitter.criteria, self.fitter.evidence.noise_bar);
+        let Some(known_bar) = self.good.map(|good| good.evidence.noise_bar) else { return noise_bar };
+        // A tone whose pace wanders drives neighbouring readings farther apart than anything is off, and is no noise.
+        let rings = || self.scattered.iter().any(|s| s.effect.is_apart_from_form());
+        let is_apart = || noise_bar > criteria.structure_named * self.fitter.plain_rmse_bar(&self.search.chosen);
+        let is_noisier = noise_bar >= criteria.noisier * known_bar && (noise_bar < SMOOTHED * known_bar || rings() && is_apart());
+        if is_noisier { known_bar } else { noise_bar }
     }
 
     /// What may be left beyond the noise without anything being wrong [bar]. Where a cause is named, the model with it

@@ -149,18 +149,26 @@ impl<'a> Findings<'_, 'a> {
             let residual: Vec<f64> = counted.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
             unexplained = left(&self.standardised(&residual), &base_bar, (self.noise_bar(), 0.0));
         }
-        // A cause may be right and yet no model follows what it does: on the same readings as the printed error, the promise is not kept.
-        let is_followed = || {
+        // A cause may be right and yet no model follows what it does, or the record tells too little of it: on the readings of the
+        // printed error, and as far as the record says on other drives, the promise has to be kept.
+        let mut other_drives = (!effects.is_empty() && unexplained.is_none()).then(|| self.foreseen(curvature.as_ref())).flatten();
+        let followed_bar = || {
             let mut all = self.settled(&measured_all);
             all.iter_mut().zip(&augmented_bar).for_each(|(y, p)| *y -= p);
             fitter.weigh(&mut all);
-            rms(&all) <= allowed_bar.0.hypot(allowed_bar.1)
+            rms(&all).max(chosen_held.weighed_bar())
         };
         let verdict = match (effects.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Match,
             (true, true) => Verdict::Unexplained,
-            (false, false) if is_followed() => Verdict::Explained,
-            (false, _) => Verdict::PartlyExplained,
+            (false, false) => {
+                let (here_bar, allowed_bar) = (followed_bar(), allowed_bar.0.hypot(allowed_bar.1));
+                let open_bar = other_drives.as_ref().map_or(0.0, |there| there.open_bar);
+                let is_explained = here_bar.hypot(open_bar) <= allowed_bar;
+                other_drives.iter_mut().for_each(|there| there.is_too_much = !is_explained && here_bar <= allowed_bar);
+                if is_explained { Verdict::Explained } else { Verdict::PartlyExplained }
+            }
+            (false, true) => Verdict::PartlyExplained,
         };
         // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back, and
         // what the good valve's own data have calibrated is not moved by a record in which nothing has changed. Nor is it moved
@@ -235,6 +243,7 @@ impl<'a> Findings<'_, 'a> {
             unexplained,
             discovered: None,
             coil_current: None,
+            other_drives,
             next_experiment: None,
             notes,
         };

@@ -87,6 +87,10 @@ pub struct Diagnosis {
     /// On which side of the measured coil current that lies; `null` where it was not recorded, or nothing is missing.
     #[serde(default)]
     pub coil_current: Option<CoilCurrent>,
+    /// How far the augmented model has to be expected off on other drives; `null` where nothing is named, more is missing, or it was not
+    /// simulated there.
+    #[serde(default)]
+    pub other_drives: Option<OtherDrives>,
     /// The experiment that would separate what cannot be told apart; `null` where nothing needs it.
     pub next_experiment: Option<NextExperiment>,
     /// What was noticed about the recording.
@@ -97,6 +101,11 @@ impl Diagnosis {
     /// Whether anything was found that the model as given has not: an effect, or a discovered term.
     pub fn adds(&self) -> bool {
         !self.effects.is_empty() || self.discovered.is_some()
+    }
+
+    /// Whether the augmented model follows this record, whatever it does on others.
+    pub fn is_followed(&self) -> bool {
+        self.verdict == Verdict::Explained || self.other_drives.as_ref().is_some_and(|there| there.is_too_much)
     }
 }
 
@@ -114,6 +123,18 @@ pub struct Errors {
     pub augmented_heldout: f64,
     /// The sensor noise: what no model can do better than.
     pub noise_floor: f64,
+}
+
+/// What a record leaves open of the augmented model, as pressure on other drives: its parameters within their errors, and the other
+/// members of the credible sets.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OtherDrives {
+    /// Standard deviation of the pressure over a menu of stimuli [bar].
+    pub open_bar: f64,
+    /// The stimulus on which it is largest.
+    pub most_on: String,
+    /// Whether it is why the verdict is not `explained`.
+    pub is_too_much: bool,
 }
 
 /// A parameter and how sure it is.
@@ -429,6 +450,7 @@ pub(crate) mod tests {
             unexplained: None,
             discovered: None,
             coil_current: None,
+            other_drives: None,
             next_experiment: None,
             notes: Vec::new(),
         }

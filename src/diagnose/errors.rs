@@ -49,6 +49,32 @@ impl Curvature<'_, '_> {
         self.by_information(k).max(self.by_blocks[k])
     }
 
+    /// Steps of all parameters, in the units in which they move, whose outer products add up to their covariance. What the record does
+    /// not carry is anywhere in its range.
+    pub fn spread(&self) -> Vec<Vec<f64>> {
+        let n = self.free.len();
+        let deviation: Vec<f64> = (0..n)
+            .map(|k| {
+                let free = &self.free[k];
+                let anywhere = free.distance(free.range.0, free.range.1).abs() / 12f64.sqrt();
+                if self.carries(k) { self.variance(k).sqrt().min(anywhere) } else { anywhere }
+            })
+            .collect();
+        let covariance = |i: usize, j: usize| {
+            let known = |k: usize| self.carries(k) && self.inverse[(k, k)] > 0.0;
+            match i == j {
+                true => deviation[i] * deviation[i],
+                false if known(i) && known(j) => {
+                    deviation[i] * deviation[j] * self.inverse[(i, j)] / (self.inverse[(i, i)] * self.inverse[(j, j)]).sqrt()
+                }
+                false => 0.0,
+            }
+        };
+        let eigen = DMatrix::from_fn(n, n, covariance).symmetric_eigen();
+        let step = |k: usize| eigen.eigenvectors.column(k).iter().map(|v| v * eigen.eigenvalues[k].max(0.0).sqrt()).collect();
+        (0..n).map(step).collect()
+    }
+
     /// Standard error of parameter `k`, in its own unit; infinite where the record does not carry it.
     pub fn error(&self, k: usize) -> f64 {
         if self.carries(k) { self.variance(k).sqrt() * self.unit(k) } else { f64::INFINITY }

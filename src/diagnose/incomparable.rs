@@ -46,6 +46,7 @@ pub fn incomparable(recording: &Recording, evidence: &Evidence, base: &Model<'_>
         unexplained: None,
         discovered: None,
         coil_current: None,
+        other_drives: None,
         next_experiment: None,
         notes: evidence.notes.clone(),
     };

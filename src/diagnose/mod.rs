@@ -24,6 +24,7 @@ mod excerpt;
 mod experiment;
 mod fit;
 mod foreign;
+mod foreseen;
 mod good;
 mod heldout;
 mod hollow;
@@ -222,7 +223,7 @@ fn on_evidence(
         let search = apart::search(&mut fitter, looking.as_mut(), &still);
         let (named, with) = beside.answer(&still, (&fitter, looking.as_ref()), search);
         let as_well = with.rmse_bar <= fitter.criteria.structure_known * null.rmse_bar;
-        if as_well && named.diagnosis.verdict == Verdict::Explained {
+        if as_well && named.diagnosis.is_followed() {
             (found, chosen) = (named, with);
         }
     }

@@ -220,6 +220,7 @@ fn diagnosed(
         unexplained,
         discovered: None,
         coil_current: None,
+        other_drives: None,
         next_experiment: None,
         notes: evidence.notes.clone(),
     };

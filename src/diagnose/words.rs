@@ -1,6 +1,6 @@
 //! The sentences of a diagnosis.
 
-use super::diagnosis::{Change, Diagnosis, Errors, Estimate, Finding, Verdict};
+use super::diagnosis::{Change, Diagnosis, Estimate, Finding, Verdict};
 use crate::physics::{Effect, effect};
 use crate::units::three_figures;
 
@@ -53,11 +53,18 @@ pub fn stands_apart(moved: &[Change]) -> String {
     )
 }
 
-/// What is said where a cause is right, and what it does to single readings is a matter of chance or of times of its own.
-fn not_followed(e: &Errors) -> String {
+/// What is said where a cause is right, and what it does to single readings is a matter of chance or of times of its own; or where the
+/// record follows from it, and tells too little of it for others.
+fn not_followed(d: &Diagnosis) -> String {
+    if let Some(there) = d.other_drives.as_ref().filter(|there| there.is_too_much) {
+        return format!(
+            "The model follows this record, but the record leaves open what it does on others: about {:.3} bar RMSE, most on {}. Such a drive, diagnosed together with this record, would settle it.",
+            there.open_bar, there.most_on
+        );
+    }
     format!(
         "Nothing else is off, but what that does to single readings comes by chance or at times of its own: no model follows it there, and {:.3} bar RMSE stay.",
-        e.augmented_heldout
+        d.rmse_bar.augmented_heldout
     )
 }
 
@@ -95,7 +102,7 @@ pub fn summary(d: &Diagnosis) -> String {
         Verdict::Match => format!("Nothing is wrong beyond noise and the model's own accuracy. {error}"),
         Verdict::Explained => format!("Missing in the model: {found}. {error} {held}"),
         Verdict::PartlyExplained if d.unexplained.is_none() => {
-            format!("Missing in the model: {found}. {error} {held} {}", not_followed(&d.rmse_bar))
+            format!("Missing in the model: {found}. {error} {held} {}", not_followed(d))
         }
         Verdict::PartlyExplained => {
             format!("Missing in the model, among other things: {found}. {error} {held} {rest} I do not know what that is.")

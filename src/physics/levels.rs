@@ -20,6 +20,26 @@ pub(super) fn smooth(kept: &[usize], measured: &[f64], simulated: &[f64]) -> f64
     kept.iter().map(|k| (measured[*k] - row(*k).dot(&coefficients)).powi(2)).sum()
 }
 
+/// Squares that a line from level to level leaves, through the middle of each [bar^2]: a smooth course follows it at least as well as
+/// it follows the levels, whatever moves it, and so does noise that hangs together.
+pub(super) fn from_level_to_level(levels: &[Range<usize>], values: &[f64]) -> f64 {
+    let middle = |level: &Range<usize>| {
+        let mean = values[level.clone()].iter().sum::<f64>() / level.len() as f64;
+        (0.5 * (level.start + level.end - 1) as f64, mean)
+    };
+    let middles: Vec<(f64, f64)> = levels.iter().map(middle).collect();
+    if middles.len() < 2 {
+        return f64::INFINITY;
+    }
+    let left = |k: usize, at: usize| {
+        // The first and the last go on as their neighbours.
+        let from = if at as f64 > middles[k].0 { k.min(middles.len() - 2) } else { k.saturating_sub(1) };
+        let ((x, y), (x1, y1)) = (middles[from], middles[from + 1]);
+        values[at] - y - (y1 - y) * (at as f64 - x) / (x1 - x)
+    };
+    levels.iter().enumerate().flat_map(|(k, level)| level.clone().map(move |at| (k, at))).map(|(k, at)| left(k, at).powi(2)).sum()
+}
+
 /// The levels of a course: the partition of least squares, each further level at a price; the first `skip` points after a jump belong to
 /// none.
 pub(super) fn levels(values: &[f64], skip: usize, price: f64) -> Vec<Range<usize>> {
@@ -77,6 +97,17 @@ mod tests {
         assert_eq!(found[found.len() - 2..], [34..60, 64..90]);
         // The jumps of 2 over 30 values are worth 60 at most.
         assert_eq!(levels(&values, 0, 1000.0).len(), 1);
+    }
+
+    #[test]
+    fn a_line_from_level_to_level_leaves_nothing_of_a_line_and_much_of_a_staircase() {
+        let three = [0..30, 30..60, 60..90];
+        let line: Vec<f64> = (0..90).map(f64::from).collect();
+        assert!(from_level_to_level(&three, &line) < 1e-18);
+        // A sawtooth of a third of a bar to both sides of the rests, of which the mean square is a twelfth.
+        let stairs: Vec<f64> = (0..90).map(|k| f64::from(k / 30)).collect();
+        assert!((from_level_to_level(&three, &stairs) / 90.0 - 1.0 / 12.0).abs() < 1e-3);
+        assert!(from_level_to_level(&three[..1], &line).is_infinite());
     }
 
     #[test]
