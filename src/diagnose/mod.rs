@@ -22,6 +22,7 @@ mod errors;
 mod evidence;
 mod excerpt;
 mod experiment;
+mod findings;
 mod fit;
 mod foreign;
 mod foreseen;
