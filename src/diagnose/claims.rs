@@ -162,8 +162,12 @@ impl Findings<'_, '_> {
         if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
             return Claim::Lacks;
         }
-        // Nor has one whose form is no farther off on the record than on the good valve's own drive.
-        if effect.imitates_form() && without.rmse_bar < self.fitter.criteria.structure_known * self.fitter.floor_bar {
+        // Nor has one whose form is no farther off on the record than on the good valve's own drive; unless it is so at the price of a
+        // calibration that this data denies, and the effect, alone in its credible set, needs none of that.
+        let criteria = &self.fitter.criteria;
+        let is_sole = self.weighed[k].share >= criteria.credible && self.weighed[k].rest.is_empty();
+        let at_a_price = is_sole && without.prior_nats - chosen.prior_nats > 0.5 * criteria.very_strong;
+        if effect.imitates_form() && !at_a_price && without.rmse_bar < criteria.structure_known * self.fitter.floor_bar {
             return Claim::Lacks;
         }
         // Nor one that held-out data does not confirm, or that had to go to the end of its range.

@@ -40,7 +40,7 @@ impl Effect for FirstOrderLag {
                 name: "tau",
                 unit: &TIME,
                 range: (0.001, 5.0),
-                starts: &[0.015, 0.04, 0.1],
+                starts: &[0.005, 0.015, 0.04, 0.1],
                 default: None,
                 meaning: "time constant (at 1 bar where it is not linear)",
             },
