@@ -33,10 +33,7 @@ pub fn cause_before_form(fitter: &Fitter<'_>, search: &mut Search<'_>) {
         r.effect.kind() == Kind::Course && !r.effect.imitates_form() && gain > fitter.criteria.very_strong
     });
     let causes: Vec<_> = causes.take(MOST).collect();
-    let fitted: Vec<Fit<'_>> = causes
-        .into_par_iter()
-        .map(|r| fitter.simplified(fitter.fit_new(&less.model.with(r.effect, 0.0), &less, &Vec::from_iter(round.end_of(r.effect)))))
-        .collect();
+    let fitted: Vec<Fit<'_>> = causes.into_par_iter().map(|r| round.beside(fitter, r.effect, &less)).collect();
     let Some(best) = fitted.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective))) else { return };
     let gains = |fit: &Fit<'_>| less.bic(effective) - fit.bic(effective);
     if gains(&best) > fitter.criteria.cause_first * gains(chosen) && explains(fitter, &search.null, &best) {

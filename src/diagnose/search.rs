@@ -44,11 +44,21 @@ pub struct Round<'a> {
     pub effective: f64,
 }
 
-impl Round<'_> {
+impl<'a> Round<'a> {
+    /// Whether this effect was tried in it.
+    pub fn tried(&self, id: &str) -> bool {
+        self.ranked.iter().any(|c| c.effect.id() == id)
+    }
+
     /// Where the fit of an effect has ended.
     pub fn end_of(&self, effect: &dyn Effect) -> Option<Vec<f64>> {
         let fit = &self.ranked.iter().find(|c| c.effect.id() == effect.id())?.fit;
         Some(fit.theta[fit.model.place(fit.model.effects.len() - 1)].to_vec())
+    }
+
+    /// `less` with an effect more, fitted also from where its fit has ended here.
+    pub fn beside(&self, fitter: &Fitter<'_>, effect: &'static dyn Effect, less: &Fit<'a>) -> Fit<'a> {
+        fitter.simplified(fitter.fit_new(&less.model.with(effect, 0.0), less, &Vec::from_iter(self.end_of(effect))))
     }
 }
 
@@ -417,7 +427,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
         // The rivals of the round in which it was found, in its place.
         let rivals: Vec<&'static dyn Effect> = rounds
             .iter()
-            .find(|r| r.ranked.iter().any(|c| c.effect.id() == fit.model.effects[k].id()))
+            .find(|r| r.tried(fit.model.effects[k].id()))
             .map(|r| r.ranked.iter().map(|c| c.effect).take(6).collect())
             .unwrap_or_default();
         let swapped: Vec<Fit<'a>> = rivals

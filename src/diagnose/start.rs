@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::fit::{Fit, Fitter};
 use super::model::Simulator;
-use super::search::{Search, confirmed};
+use super::search::{Ranked, Search, confirmed};
 use crate::physics::Kind;
 
 /// A model is worse than another one where it is off by this much more.
@@ -40,16 +40,11 @@ pub fn drop_denied<'a>(fitter: &Fitter<'_>, search: &mut Search<'a>, unsettled: 
 
 /// `less` with each cause in the place of effect number `k` that came near in the round in which that was found, best first.
 fn rivals<'a>(fitter: &Fitter<'_>, search: &Search<'a>, k: usize, less: &Fit<'a>) -> Vec<Fit<'a>> {
-    let (chosen, effective) = (&search.chosen, fitter.effective());
-    let has = |id: &str| chosen.model.effects.iter().any(|have| have.id() == id);
-    let denied = chosen.model.effects[k].id();
-    let Some(round) = search.rounds.iter().find(|round| round.ranked.iter().any(|r| r.effect.id() == denied)) else { return Vec::new() };
-    let near = round.ranked.iter().filter(|r| r.effect.kind() == Kind::Course && !has(r.effect.id())).take(MOST);
-    let fit = |effect: &'static dyn crate::physics::Effect| {
-        let ends = Vec::from_iter(round.end_of(effect));
-        fitter.simplified(fitter.fit_new(&less.model.with(effect, 0.0), less, &ends))
-    };
-    let fits: Vec<Fit<'a>> = near.map(|r| r.effect).collect::<Vec<_>>().into_par_iter().map(fit).collect();
+    let (effects, effective) = (&search.chosen.model.effects, fitter.effective());
+    let Some(round) = search.rounds.iter().find(|round| round.tried(effects[k].id())) else { return Vec::new() };
+    let is_new = |r: &&Ranked<'a>| r.effect.kind() == Kind::Course && effects.iter().all(|have| have.id() != r.effect.id());
+    let near: Vec<_> = round.ranked.iter().filter(is_new).take(MOST).collect();
+    let fits: Vec<Fit<'a>> = near.into_par_iter().map(|r| round.beside(fitter, r.effect, less)).collect();
     let strong = fits.into_iter().filter(|fit| less.bic(effective) - fit.bic(effective) > fitter.criteria.very_strong);
     let mut held: Vec<Fit<'a>> = strong.map(|fit| confirmed(fitter, fit, false)).collect();
     held.retain(|fit| fit.model.effects.len() == less.model.effects.len() + 1);
@@ -63,7 +58,7 @@ mod tests {
     use crate::course::{Input, Run};
     use crate::diagnose::evidence::Evidence;
     use crate::diagnose::model::Model;
-    use crate::diagnose::search::{Ranked, Round};
+    use crate::diagnose::search::Round;
     use crate::physics::{effect, simulate, specification};
     use crate::valve::Valve;
 

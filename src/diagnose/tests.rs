@@ -391,6 +391,7 @@ fn an_effect_at_the_end_of_its_range_is_told_from_its_plainest_form() {
 }
 
 mod at_rest;
+mod denied_repair;
 mod good_valve;
 mod remembered;
 mod what_is_claimed;

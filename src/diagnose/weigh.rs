@@ -86,7 +86,7 @@ impl<'a> Findings<'_, 'a> {
             .search
             .rounds
             .iter()
-            .filter(|r| r.ranked.iter().any(|c| c.effect.id() == own))
+            .filter(|r| r.tried(own))
             .flat_map(|r| {
                 let mine = r.ranked.iter().find(|c| c.effect.id() == own).map_or(f64::INFINITY, |c| c.fit.bic(r.effective));
                 let gain = r.incumbent.bic(r.effective) - mine;

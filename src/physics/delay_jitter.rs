@@ -199,11 +199,11 @@ fn explained(shifts: &[(usize, f64)], slopes: &[f64], pressure_bar: &[f64], clip
         let (sign, p, steep) = (slopes[k].signum(), pressure_bar[k], slopes[k].abs().ln());
         [1.0, sign, p, p * p, sign * p, steep, sign * steep]
     };
-    let rows = DMatrix::from_fn(shifts.len(), 7, |j, c| row(shifts[j].0)[c]);
-    let values = DVector::from_fn(shifts.len(), |j, _| clip(shifts[j].1));
-    let total = values.add_scalar(-values.mean()).norm_squared();
-    match rows.clone().svd(true, true).solve(&values, 1e-9) {
-        Ok(fitted) if total > 0.0 => 1.0 - (&values - rows * fitted).norm_squared() / total,
+    let rows: Vec<[f64; 7]> = shifts.iter().map(|(k, _)| row(*k)).collect();
+    let values: Vec<f64> = shifts.iter().map(|s| clip(s.1)).collect();
+    let total = about_mean(&values);
+    match left_over(&rows, values) {
+        Some(left) if total > 0.0 => 1.0 - left / total,
         _ => 1.0,
     }
 }
@@ -211,29 +211,38 @@ fn explained(shifts: &[(usize, f64)], slopes: &[f64], pressure_bar: &[f64], clip
 /// Share of the variance of the shifts that follows from the place within the movement, its size and its direction, degrees of freedom
 /// taken off: a model of the wrong form errs alike at like places of like movements, however little neighbouring readings are alike.
 fn by_place(shifts: &[(usize, f64)], pressure_bar: &[f64], clip: impl Fn(f64) -> f64) -> f64 {
-    let of_place = |place: usize| -> Vec<([f64; 5], f64)> {
-        let movements = shifts.chunk_by(|a, b| b.0 == a.0 + 1);
-        let row = |movement: &[(usize, f64)]| {
-            let (_, shift) = movement.get(place)?;
-            let ends = (movement[0].0.saturating_sub(1), movement[movement.len() - 1].0 + 1);
-            let way = pressure_bar.get(ends.1)? - pressure_bar.get(ends.0)?;
-            Some(([1.0, way.abs(), way * way, way.signum(), way], clip(*shift)))
-        };
-        movements.filter_map(row).collect()
+    // It is steep nowhere at the ends of the recording, so that each movement has a sample before it and one behind.
+    let row = |movement: &[(usize, f64)]| {
+        let way = pressure_bar[movement[movement.len() - 1].0 + 1] - pressure_bar[movement[0].0 - 1];
+        [1.0, way.abs(), way * way, way.signum(), way]
     };
-    let (mut left, mut all, mut free) = (0.0, 0.0, 0.0);
-    let (mut count, mut sum) = (0.0, 0.0);
-    for rows in (0..PLACES).map(of_place).take_while(|rows| rows.len() > FEWEST) {
-        let x = DMatrix::from_fn(rows.len(), 5, |j, c| rows[j].0[c]);
-        let y = DVector::from_fn(rows.len(), |j, _| rows[j].1);
-        let Ok(fitted) = x.clone().svd(true, true).solve(&y, 1e-9) else { return 0.0 };
-        left += (&y - x * fitted).norm_squared();
-        free += 5.0;
-        all += y.norm_squared();
-        (count, sum) = (count + rows.len() as f64, sum + y.sum());
+    let movements: Vec<_> = shifts.chunk_by(|a, b| b.0 == a.0 + 1).map(|movement| (row(movement), movement)).collect();
+    let (mut all, mut left, mut free) = (Vec::new(), 0.0, 0.0);
+    for place in 0..PLACES {
+        let at_place = movements.iter().filter_map(|(row, movement)| Some((*row, clip(movement.get(place)?.1))));
+        let (rows, values): (Vec<[f64; 5]>, Vec<f64>) = at_place.unzip();
+        if rows.len() <= FEWEST {
+            break;
+        }
+        all.extend_from_slice(&values);
+        let Some(left_here) = left_over(&rows, values) else { return 0.0 };
+        (left, free) = (left + left_here, free + 5.0);
     }
-    all -= if count > 0.0 { sum * sum / count } else { 0.0 };
-    if count > 2.0 * free && all > 0.0 { 1.0 - left / (count - free) / (all / (count - 1.0)) } else { 0.0 }
+    let (count, total) = (all.len() as f64, about_mean(&all));
+    if count > 2.0 * free && total > 0.0 { 1.0 - left / (count - free) / (total / (count - 1.0)) } else { 0.0 }
+}
+
+/// Sum of the squares about the mean.
+fn about_mean(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    values.iter().map(|v| (v - mean).powi(2)).sum()
+}
+
+/// Sum of the squares that no linear combination of the columns takes; `None` where there is no solution.
+fn left_over<const N: usize>(rows: &[[f64; N]], values: Vec<f64>) -> Option<f64> {
+    let (x, y) = (DMatrix::from_fn(rows.len(), N, |j, c| rows[j][c]), DVector::from_vec(values));
+    let fitted = x.clone().svd(true, true).solve(&y, 1e-9).ok()?;
+    Some((y - x * fitted).norm_squared())
 }
 
 /// Each new command is late by a chance of its own, and none overtakes another: a bus keeps the order.
