@@ -91,7 +91,7 @@ impl Findings<'_, '_> {
     /// less where both are steps and nothing else.
     fn farther(&self, good: &Good) -> (f64, f64) {
         let criteria = &self.fitter.criteria;
-        if seen::is_of_steps(&good.evidence) && seen::is_of_steps(self.fitter.evidence) {
+        if seen::are_of_steps(&good.evidence, self.fitter.evidence) {
             (criteria.structure_known, criteria.of_class_alike)
         } else {
             (criteria.another_drive, criteria.of_class)

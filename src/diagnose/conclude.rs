@@ -10,6 +10,7 @@ use super::good::Good;
 use super::heldout::{HeldOut, blocks, held_out};
 use super::locate::locate;
 use super::model::{Model, Simulator};
+use super::outcome::Outcome;
 use super::remainder::remainder;
 use super::scatter::{Scattered, give_back, mask};
 use super::search::Search;
@@ -163,13 +164,18 @@ impl<'a> Findings<'_, 'a> {
             }
             (false, true) => Verdict::PartlyExplained,
         };
-        // A match leaves the model as it is: what a few per cent of recalibration gain here, another drive takes back, and
-        // what the good valve's own data have calibrated is not moved by a record in which nothing has changed. Nor is it moved
-        // by what nobody understands: new values of the calibration would stand in for that on this drive only.
-        let moved = rms(&self.residual(&base_bar)) > fitter.criteria.recalibrates * rms(&self.residual(&refit_bar));
-        let as_ever = verdict == Verdict::Match && effects.is_empty() && (self.good.is_some() || form.is_empty());
-        let found_nothing = search.chosen.model.effects.is_empty();
-        let kept = as_ever && (self.good.is_some() || !moved) || found_nothing && (!moved || verdict == Verdict::Unexplained);
+        let off_bar = |simulated_bar: &[f64]| rms(&self.residual(simulated_bar));
+        let outcome = Outcome {
+            verdict,
+            has_good: self.good.is_some(),
+            is_named: !effects.is_empty(),
+            is_form: !form.is_empty(),
+            found_nothing: search.chosen.model.effects.is_empty(),
+            given_bar: off_bar(&base_bar),
+            refit_bar: off_bar(&refit_bar),
+            chosen_bar: off_bar(&augmented_bar),
+        };
+        let kept = outcome.leaves_the_model(fitter.criteria.recalibrates);
         let (mut augmented, augmented_bar) = match kept.then(|| self.corrected(&base_bar)).flatten() {
             Some(corrected) => corrected,
             None if kept => (self.given.valve.clone(), base_bar.clone()),

@@ -97,7 +97,7 @@ impl Good {
     ///
     /// # Errors
     /// [`DiagnoseError`] where that data cannot be used, or does not belong to the model.
-    pub fn of(recordings: &[&Recording], valve: &Valve, foreign: Option<&Foreign>, record: &Evidence) -> Result<Self, DiagnoseError> {
+    pub fn of(recordings: &[Recording], valve: &Valve, foreign: Option<&Foreign>, record: &Evidence) -> Result<Self, DiagnoseError> {
         let names: Vec<String> = recordings.iter().map(|r| r.source.clone()).collect();
         let all = Recording {
             source: names.join(", "),

@@ -35,6 +35,7 @@ mod locate;
 mod loss;
 mod mistake;
 mod model;
+mod outcome;
 mod posterior;
 mod prior;
 mod process;
@@ -154,8 +155,7 @@ fn on_evidence(
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
-    let speaking = seen::speaking(&evidence, good);
-    let good = if speaking.is_empty() { None } else { Some(Good::of(&speaking, valve, foreign, &evidence)?) };
+    let good = if seen::speaks(&evidence, good) { Some(Good::of(good, valve, foreign, &evidence)?) } else { None };
     if let Some(denied) = good.as_ref().filter(|good| good.is_denied()) {
         evidence.notes.push(format!(
             "the model, also with what could be mended, is off by {} RMSE on the one recording that it was identified from: that recording does not vouch for it",

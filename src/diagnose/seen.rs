@@ -14,11 +14,17 @@ const STEPS: (f64, f64) = (0.95, 0.1);
 /// A turn of the current of less than this share of its range is no reversal that a loop would be seen by.
 const REVERSAL: f64 = 0.02;
 
-/// The recordings that move as fast as the record does, so that they can speak for the model on it.
-pub fn speaking<'r>(record: &Evidence, good: &'r [Recording]) -> Vec<&'r Recording> {
-    let needed = record.criteria.excites * lively(&record.grids.iter().map(|g| (g.dt_s, g.current_a.as_slice())).collect::<Vec<_>>());
-    let moves = |r: &&Recording| lively(&r.runs.iter().map(|run| (run.step_s(), run.current_a.as_slice())).collect::<Vec<_>>()) >= needed;
-    good.iter().filter(moves).collect()
+/// Whether one of the recordings moves as fast as the record does, so that they can speak for the model on it. A slower one beside it
+/// says what the curves and the loop are where the drive has not been.
+pub fn speaks(record: &Evidence, good: &[Recording]) -> bool {
+    let needed = needed(record);
+    let moves = |r: &Recording| lively(&r.runs.iter().map(|run| (run.step_s(), run.current_a.as_slice())).collect::<Vec<_>>()) >= needed;
+    good.iter().any(moves)
+}
+
+/// How fast data has to move to speak for the model on this record [A/s].
+fn needed(record: &Evidence) -> f64 {
+    record.criteria.excites * lively(&record.grids.iter().map(|g| (g.dt_s, g.current_a.as_slice())).collect::<Vec<_>>())
 }
 
 /// RMS rate of the current over tenths of a second [A/s]: steps and slow ramps alike count by what they move.
@@ -33,9 +39,16 @@ fn lively(runs: &[(f64, &[f64])]) -> f64 {
     f64::sqrt(sum / f64::max(n, 1.0))
 }
 
+/// Whether the record is of steps, and so is what of `good` moves as fast.
+pub fn are_of_steps(good: &Evidence, record: &Evidence) -> bool {
+    let needed = needed(record);
+    let moves = |run: &&Run| lively(&[(run.dt_s, run.current_a.as_slice())]) >= needed;
+    is_of_steps(record.grids.iter()) && is_of_steps(good.grids.iter().filter(moves))
+}
+
 /// Whether the current rests but for steps: a ramp goes a little way in each tenth of a second, however often it is sampled.
-pub fn is_of_steps(evidence: &Evidence) -> bool {
-    let mut all: Vec<f64> = evidence.grids.iter().flat_map(|run| ways(run.dt_s, &run.current_a)).collect();
+fn is_of_steps<'r>(runs: impl Iterator<Item = &'r Run>) -> bool {
+    let mut all: Vec<f64> = runs.flat_map(|run| ways(run.dt_s, &run.current_a)).collect();
     all.sort_by(|a, b| b.total_cmp(a));
     let (few, whole) = (all[..(STEPS.1 * all.len() as f64) as usize].iter().sum::<f64>(), all.iter().sum::<f64>());
     whole > 0.0 && few >= STEPS.0 * whole
@@ -123,7 +136,7 @@ mod tests {
     fn steps_are_steps_and_ramps_are_ramps_however_often_they_are_sampled() {
         let of_steps = |rate_hz: f64, current_a: &dyn Fn(f64) -> f64| {
             let current_a: Vec<f64> = (0..(60.0 * rate_hz) as usize).map(|k| current_a(k as f64 / rate_hz)).collect();
-            is_of_steps(&held(vec![Run::even(None, 0.0, 1.0 / rate_hz, current_a.clone(), current_a)]))
+            is_of_steps([Run::even(None, 0.0, 1.0 / rate_hz, current_a.clone(), current_a)].iter())
         };
         for rate_hz in [10.0, 50.0, 100.0, 1000.0, 5000.0] {
             assert!(of_steps(rate_hz, &|t_s| if ((t_s / 2.0) as usize).is_multiple_of(2) { 0.3 } else { 0.6 }), "steps at {rate_hz} Hz");
@@ -131,6 +144,20 @@ mod tests {
             assert!(!of_steps(rate_hz, &|t_s| 0.5 + 0.3 * t_s.sin()), "an oscillation at {rate_hz} Hz");
             assert!(!of_steps(rate_hz, &|_| 0.5), "no movement at {rate_hz} Hz");
         }
+    }
+
+    #[test]
+    fn a_slow_sweep_beside_a_drive_of_steps_is_no_other_drive() {
+        let run = |current_a: &dyn Fn(f64) -> f64| {
+            let current_a: Vec<f64> = (0..6000).map(|k| current_a(f64::from(k) / 100.0)).collect();
+            Run::even(None, 0.0, 0.01, current_a.clone(), current_a)
+        };
+        let steps = || run(&|t_s| if ((t_s / 2.0) as usize).is_multiple_of(2) { 0.3 } else { 0.6 });
+        let (sweep, waves) = (|| run(&|t_s| 0.2 + 0.6 * (1.0 - (t_s / 30.0 - 1.0).abs())), run(&|t_s| 0.5 + 0.3 * t_s.sin()));
+        let record = held(vec![steps()]);
+        assert!(are_of_steps(&held(vec![steps()]), &record) && are_of_steps(&held(vec![sweep(), steps()]), &record));
+        assert!(!are_of_steps(&held(vec![waves.clone(), steps()]), &record) && !are_of_steps(&held(vec![steps()]), &held(vec![waves])));
+        assert!(!are_of_steps(&held(vec![sweep()]), &record));
     }
 
     #[test]

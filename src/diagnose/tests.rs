@@ -395,3 +395,4 @@ mod denied_repair;
 mod good_valve;
 mod remembered;
 mod what_is_claimed;
+mod whole_record;

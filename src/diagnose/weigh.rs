@@ -38,27 +38,34 @@ impl<'a> Findings<'_, 'a> {
 
     /// With each effect weighed, and a likelier one in the place of one that has any.
     pub fn weighed(mut self) -> Self {
-        self.weighed = self.weigh();
-        if let Some(likelier) = self.likelier() {
+        self.weighed = self.weigh(self.looking);
+        let mut likelier = self.likelier();
+        if likelier.is_none() && self.looking.is_some() && self.weighed.iter().any(|w| w.likelier.is_some()) {
+            // The whole record denies what the part of it prefers: so all of it has to say the shares.
+            self.weighed = self.weigh(None);
+            likelier = self.likelier();
+        }
+        if let Some(likelier) = likelier {
             self.search.chosen = likelier;
-            self.weighed = self.weigh();
+            self.weighed = self.weigh(self.looking);
         }
         self
     }
 
-    /// Each effect of the chosen model against what could stand in its place.
-    fn weigh(&self) -> Vec<Weighed<'a>> {
+    /// Each effect of the chosen model against what could stand in its place, on the part of the record that is looked at or on all.
+    fn weigh(&self, looking: Option<&Fitter<'_>>) -> Vec<Weighed<'a>> {
         let chosen = &self.search.chosen;
         if chosen.model.effects.is_empty() {
             return Vec::new();
         }
-        // Its rivals are fitted to what the search has looked at, and so is it.
-        let refitted = self.looking.map(|looking| looking.refit(&chosen.model, &chosen.theta));
+        // Its rivals are fitted to what is looked at, and so is it.
+        let refitted = looking.map(|looking| looking.refit(&chosen.model, &chosen.theta));
         let there = refitted.as_ref().unwrap_or(chosen);
-        let of = |k: usize| self.rivals(k, there, self.without(k));
+        let fitter = looking.unwrap_or(self.fitter);
+        let of = |k: usize| self.rivals(fitter, k, there, self.without(k));
         let rivals: Vec<Rivals<'a>> = (0..chosen.model.effects.len()).into_par_iter().map(of).collect();
         let sets: Vec<&Fit<'_>> = std::iter::once(there).chain(rivals.iter().flat_map(|r| &r.fits)).collect();
-        let shares = posterior::shares(self.where_searched(), &sets);
+        let shares = posterior::shares(fitter, &sets);
         let counts: Vec<usize> = rivals.iter().map(|r| r.fits.len()).collect();
         let names = names(&shares, &counts).into_iter().zip(rivals).enumerate();
         let weighed = names.map(|(k, (shares_of, rivals))| self.against(rivals, shares_of, shares[0], there.at_bound(k)));
@@ -75,10 +82,9 @@ impl<'a> Findings<'_, 'a> {
         (whole && posterior::shares(fitter, &[chosen, &next])[1] > 0.5 && carried()).then_some(next)
     }
 
-    /// What could stand in the place of effect number `k` of the chosen model; `chosen` on what the search has looked at, and `without`
+    /// What could stand in the place of effect number `k` of the chosen model; `chosen` on what `fitter` looks at, and `without`
     /// that effect.
-    fn rivals(&self, k: usize, chosen: &Fit<'a>, without: Fit<'a>) -> Rivals<'a> {
-        let fitter = self.where_searched();
+    fn rivals(&self, fitter: &Fitter<'_>, k: usize, chosen: &Fit<'a>, without: Fit<'a>) -> Rivals<'a> {
         let there = &fitter.as_it_stands(&without);
         let own = chosen.model.effects[k].id();
         // Those that came close in the round in which it was found; a class mate comes close in every round.
@@ -160,7 +166,7 @@ fn names<'s>(shares: &'s [f64], counts: &[usize]) -> Vec<(f64, &'s [f64])> {
     let of = counts.iter().map(|count| {
         let (of_rivals, others) = rest.split_at(*count);
         rest = others;
-        (1.0 - of_rivals.iter().sum::<f64>(), of_rivals)
+        ((1.0 - of_rivals.iter().sum::<f64>()).max(0.0), of_rivals)
     });
     of.collect()
 }

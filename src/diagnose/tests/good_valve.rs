@@ -67,6 +67,29 @@ fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
     assert_eq!(farther(2.6).verdict, Verdict::Unexplained, "{}", farther(2.6).summary);
 }
 
+/// The whole range of the current up and down in two minutes.
+fn sweep(of: &Valve) -> Recording {
+    let mut random = rand_pcg::Pcg64::seed_from_u64(13);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    let time_s: Vec<f64> = (0..12_000).map(|k| f64::from(k) * 0.01).collect();
+    let (low_a, high_a) = of.curves.range_a;
+    let current_a: Vec<f64> = time_s.iter().map(|t| low_a + (high_a - low_a) * (1.0 - (t / 60.0 - 1.0).abs())).collect();
+    let pressure = simulate(of, Input::Held, &time_s, &current_a).unwrap().iter().map(|p| p + normal.sample(&mut random)).collect();
+    let run = Run { time_s, current_a, pressure_bar: Some(pressure), ..Run::default() };
+    Recording { source: "sweep.csv".into(), runs: vec![run], notes: vec![], input: None }
+}
+
+#[test]
+fn a_slow_sweep_speaks_beside_a_drive_and_not_alone() {
+    let told = |good: &[Recording]| {
+        let d = diagnose_against(&recording(&valve()), &valve(), good).unwrap().diagnosis;
+        assert_eq!(d.verdict, Verdict::Match, "{}", d.summary);
+        d.notes.iter().find_map(|n| Some(n.strip_prefix("data of the good valve: ")?.split(';').next()?.to_string()))
+    };
+    assert_eq!(told(&[sweep(&valve()), another_drive(&valve())]).as_deref(), Some("sweep.csv, good.csv"));
+    assert_eq!(told(&[sweep(&valve())]), None);
+}
+
 #[test]
 fn a_sensor_that_is_off_is_named_against_data_of_the_good_valve_only() {
     for (id, theta) in [("sensor_gain", [0.04]), ("sensor_zero", [-0.5])] {
