@@ -110,6 +110,15 @@ impl Findings<'_, '_> {
         self.good.filter(|good| self.is_another_state(good, self.beyond(good)))
     }
 
+    /// Whether the effects stand in the place of a recalibration that data of the good valve denies, and leave the calibration where that
+    /// data has it. A valve that is no farther off than a good one may be has changed then all the same: a good one's own error is no
+    /// single effect, and recalibrates beside whatever is found.
+    pub fn is_in_place_of_recalibration(&self) -> bool {
+        let denied = 0.5 * self.fitter.criteria.very_strong;
+        let (null, chosen) = (self.search.null.prior_nats, self.search.chosen.prior_nats);
+        null - chosen > denied && chosen <= denied
+    }
+
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
     /// it, or that there are few such readings: the valve does not stand then as it did. Data that does not vouch for the model says so
     /// only of what is far off. `base_bar`, `refit_bar`: the pressure of the model as given and recalibrated.

@@ -43,7 +43,8 @@ impl Findings<'_, '_> {
                     })
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
-                let claim = self.claim(k, if effect.is_apart_from_form() { self.good } else { good }, without, interval);
+                let speaks = effect.is_apart_from_form() || !effect.imitates_form() && self.is_in_place_of_recalibration();
+                let claim = self.claim(k, if speaks { self.good } else { good }, without, interval);
                 let evidence = super::words::evidence(effect, fitter.plain_rmse_bar(without), plain_bar, importance, p_value);
                 let id = effect.id().to_string();
                 (

@@ -220,11 +220,10 @@ fn on_evidence(
     let beside = Beside { recording, given: &given, good: good.as_ref(), scattered: &scattered, unsettled: &unsettled };
     let (mut found, mut chosen) = beside.answer(&base, (&fitter, looking.as_ref()), search);
     let still = base.standing_still();
-    if found.stands_apart && apart::leaves_the_loop(&null) {
+    if found.stands_apart {
         let search = apart::search(&mut fitter, looking.as_mut(), &still);
         let (named, with) = beside.answer(&still, (&fitter, looking.as_ref()), search);
-        let as_well = with.rmse_bar <= fitter.criteria.structure_known * null.rmse_bar;
-        if as_well && named.diagnosis.is_followed() {
+        if apart::follows(&fitter, &null, &with) && named.diagnosis.is_followed() {
             (found, chosen) = (named, with);
         }
     }

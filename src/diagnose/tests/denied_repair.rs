@@ -52,3 +52,20 @@ fn a_loop_that_alone_explains_what_a_denied_recalibration_hides_has_changed() {
         assert_eq!((healthy.verdict, healthy.effects.len()), (Verdict::Match, 0), "seed {seed}: {}", healthy.summary);
     }
 }
+
+/// Without the rule, the late valves are a match: they are no farther off than a good one may be.
+#[test]
+fn what_stands_in_the_place_of_a_denied_recalibration_has_changed_however_small_it_is() {
+    for seed in [1, 3] {
+        let good = [driven(&valve(), (0.25, 0.9), (120.0, 0.01), 200 + seed)];
+        let found = |of: &Valve| diagnose_against(&driven(of, (0.25, 0.9), (80.0, 0.01), seed), &valve(), &good).unwrap().diagnosis;
+        let mut late = valve();
+        late.effects.push(specification(effect("transport_delay").unwrap(), &[0.012]));
+        let changed = found(&late);
+        let [first] = changed.effects.as_slice() else { panic!("seed {seed}: {}", changed.summary) };
+        let says = |id: &str| first.id == id || first.indistinguishable.iter().any(|other| other == id);
+        assert!(first.claim == Claim::Changed && says("transport_delay"), "seed {seed}: {}", changed.summary);
+        let healthy = found(&valve());
+        assert_eq!((healthy.verdict, healthy.effects.len()), (Verdict::Match, 0), "seed {seed}: {}", healthy.summary);
+    }
+}
