@@ -2,7 +2,7 @@
 //!
 //! A delay that has grown, a zero or a gain that has moved is taken in by a recalibration without a rest, and then there is nothing to
 //! name. Where data of the good valve says that the calibration was right, it stays as it is, and the library is searched once more
-//! for the one effect that explains the record in its place, as well as the recalibration did.
+//! for the one effect that explains the record in its place, as well as the recalibration did or as the good valve's data is explained.
 
 use rayon::prelude::*;
 
@@ -10,7 +10,6 @@ use super::fit::{Fit, Fitter};
 use super::hollow::explains;
 use super::model::Model;
 use super::search::{Search, confirmed, search_in};
-use crate::physics::Kind;
 
 /// Searches for one effect besides `still`, a model whose calibration stays as it is. No form of the loop: the record would pay for
 /// the repair of the model's own.
@@ -33,10 +32,8 @@ pub fn search<'a>(fitter: &mut Fitter<'_>, mut looking: Option<&mut Fitter<'_>>,
 /// wrong there. `in_part`: a part of the record was searched, and the best there need not be the best on all of it.
 fn best_of_all<'a>(fitter: &Fitter<'_>, search: &Search<'a>, in_part: bool) -> Option<Fit<'a>> {
     let round = search.rounds.first()?;
-    let gain = |fit: &Fit<'_>| round.incumbent.bic(round.effective) - fit.bic(round.effective);
-    let causes = || round.ranked.iter().filter(|r| r.effect.kind() == Kind::Course && !r.effect.imitates_form());
-    let most = causes().map(|r| gain(&r.fit)).fold(fitter.criteria.very_strong, f64::max);
-    let near: Vec<&Fit<'a>> = causes().map(|r| &r.fit).filter(|fit| gain(fit) > fitter.criteria.cause_first * most).collect();
+    let most = round.causes().map(|r| round.gain(&r.fit)).fold(fitter.criteria.very_strong, f64::max);
+    let near: Vec<&Fit<'a>> = round.causes().map(|r| &r.fit).filter(|fit| round.gain(fit) > fitter.criteria.cause_first * most).collect();
     let effective = fitter.effective();
     near.into_par_iter()
         .map(|fit| confirmed(fitter, fitter.refit(&fit.model, &fit.theta), in_part))
@@ -55,7 +52,7 @@ mod tests {
     use super::*;
     use crate::diagnose::base::AT;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
-    use crate::diagnose::search::{Ranked, Round};
+    use crate::diagnose::round::{Ranked, Round};
     use crate::physics::effect;
 
     #[test]

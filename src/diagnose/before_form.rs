@@ -28,11 +28,7 @@ pub fn cause_before_form(fitter: &Fitter<'_>, search: &mut Search<'_>) {
     let (Some(k), false, Some(round)) = (has_form, has_cause, search.rounds.first()) else { return };
     let effective = fitter.effective();
     let less = fitter.refit_without(chosen, k);
-    let causes = round.ranked.iter().filter(|r| {
-        let gain = round.incumbent.bic(round.effective) - r.fit.bic(round.effective);
-        r.effect.kind() == Kind::Course && !r.effect.imitates_form() && gain > fitter.criteria.very_strong
-    });
-    let causes: Vec<_> = causes.take(MOST).collect();
+    let causes: Vec<_> = round.causes().filter(|r| round.gain(&r.fit) > fitter.criteria.very_strong).take(MOST).collect();
     let fitted: Vec<Fit<'_>> = causes.into_par_iter().map(|r| round.beside(fitter, r.effect, &less)).collect();
     let Some(best) = fitted.into_iter().min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective))) else { return };
     let gains = |fit: &Fit<'_>| less.bic(effective) - fit.bic(effective);

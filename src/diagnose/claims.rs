@@ -161,8 +161,8 @@ impl Findings<'_, '_> {
         unseen > 0.0 && unseen > 0.5 * all
     }
 
-    /// Whether data of a good valve excludes effect number `k` of the chosen model; `good`: that data, where it is of another state than
-    /// the record; `without`: the model without the effect; `gain_bar`: the interval of its gain on held-out data.
+    /// Whether data of a good valve excludes effect number `k` of the chosen model; `good`: that data, where it may speak of this effect
+    /// as one of another state; `without`: the model without the effect; `gain_bar`: the interval of its gain on held-out data.
     pub fn claim(&self, k: usize, good: Option<&Good>, without: &Fit<'_>, gain_bar: Option<(f64, f64)>) -> Claim {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);

@@ -43,7 +43,7 @@ impl Findings<'_, '_> {
                     })
                     .collect();
                 let importance = without.bic(effective) - chosen.bic(effective);
-                let speaks = effect.is_apart_from_form() || !effect.imitates_form() && self.is_in_place_of_recalibration();
+                let speaks = effect.is_apart_from_form() || effect.is_cause() && self.is_in_place_of_recalibration();
                 let claim = self.claim(k, if speaks { self.good } else { good }, without, interval);
                 let evidence = super::words::evidence(effect, fitter.plain_rmse_bar(without), plain_bar, importance, p_value);
                 let id = effect.id().to_string();

@@ -12,7 +12,7 @@ pub fn stays_before_form(fitter: &Fitter<'_>, less: &Fit<'_>, (fit, k): (&Fit<'_
     let (effective, effect) = (fitter.effective(), fit.model.effects[k]);
     let gain = |fit: &Fit<'_>| less.bic(effective) - fit.bic(effective);
     let is_form = next.model.effects.last().is_some_and(|e| e.kind() == Kind::Form);
-    is_form && effect.kind() == Kind::Course && !effect.imitates_form() && gain(fit) > fitter.criteria.cause_first * gain(next)
+    is_form && effect.is_cause() && gain(fit) > fitter.criteria.cause_first * gain(next)
 }
 
 #[cfg(test)]

@@ -44,6 +44,7 @@ mod recall;
 mod remainder;
 mod remembered;
 mod rival;
+mod round;
 mod scatter;
 mod screen;
 mod search;

@@ -10,6 +10,7 @@ use super::heldout::{BLOCK_S, carried_forward, held_out};
 use super::keeps_place::stays_before_form;
 use super::loss;
 use super::model::{Model, Simulator};
+use super::round::{Ranked, Round};
 use super::watch;
 use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 
@@ -25,42 +26,6 @@ const HANDED_NATS: f64 = 60.0;
 const HANDED_STEPS: usize = 5;
 /// of which the later ones are taken only where the first two have come this near [nats].
 const HANDED_SHORT_NATS: f64 = 10.0;
-
-/// One candidate of one round.
-pub struct Ranked<'a> {
-    /// The effect that was tried.
-    pub effect: &'static dyn Effect,
-    /// The fit of the incumbent with it.
-    pub fit: Fit<'a>,
-}
-
-/// One round: the incumbent and what could be added to it.
-pub struct Round<'a> {
-    /// The model before.
-    pub incumbent: Fit<'a>,
-    /// The candidates, best first.
-    pub ranked: Vec<Ranked<'a>>,
-    /// Effective samples that they were compared on.
-    pub effective: f64,
-}
-
-impl<'a> Round<'a> {
-    /// Whether this effect was tried in it.
-    pub fn tried(&self, id: &str) -> bool {
-        self.ranked.iter().any(|c| c.effect.id() == id)
-    }
-
-    /// Where the fit of an effect has ended.
-    pub fn end_of(&self, effect: &dyn Effect) -> Option<Vec<f64>> {
-        let fit = &self.ranked.iter().find(|c| c.effect.id() == effect.id())?.fit;
-        Some(fit.theta[fit.model.place(fit.model.effects.len() - 1)].to_vec())
-    }
-
-    /// `less` with an effect more, fitted also from where its fit has ended here.
-    pub fn beside(&self, fitter: &Fitter<'_>, effect: &'static dyn Effect, less: &Fit<'a>) -> Fit<'a> {
-        fitter.simplified(fitter.fit_new(&less.model.with(effect, 0.0), less, &Vec::from_iter(self.end_of(effect))))
-    }
-}
 
 /// The outcome of a search.
 pub struct Search<'a> {

@@ -5,7 +5,7 @@
 //! Stat. Soc. B 57 (1995) 45, eq. 6).
 
 use super::fit::{Fit, Fitter};
-use super::search::Round;
+use super::round::Round;
 
 /// The variance between models of each parameter of `chosen`, in its own unit: from the round of the search in which nothing more was
 /// worth adding to it. All that was tried there together is as likely beforehand as nothing more.
@@ -34,7 +34,7 @@ pub fn between_models(fitter: &Fitter<'_>, chosen: &Fit<'_>, rounds: &[Round<'_>
 mod tests {
     use super::super::base::AT;
     use super::super::model::{Model, Simulator};
-    use super::super::search::Ranked;
+    use super::super::round::Ranked;
     use super::*;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
     use crate::physics::EFFECTS;

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::fit::{Fit, Fitter};
 use super::model::Simulator;
-use super::search::{Ranked, Search, confirmed};
+use super::round::Ranked;
+use super::search::{Search, confirmed};
 use crate::physics::Kind;
 
 /// A model is worse than another one where it is off by this much more.
@@ -58,7 +59,7 @@ mod tests {
     use crate::course::{Input, Run};
     use crate::diagnose::evidence::Evidence;
     use crate::diagnose::model::Model;
-    use crate::diagnose::search::Round;
+    use crate::diagnose::round::Round;
     use crate::physics::{effect, simulate, specification};
     use crate::valve::Valve;
 

@@ -11,7 +11,8 @@ use super::conclude::{Findings, Member, Weighed};
 use super::fit::{Fit, Fitter};
 use super::heldout::held_out;
 use super::posterior;
-use super::search::{Ranked, confirmed};
+use super::round::Ranked;
+use super::search::confirmed;
 use crate::physics::{Effect, Kind};
 
 /// Part of the gain of an effect that a rival may miss after the search and still be fitted again in its place.

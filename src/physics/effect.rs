@@ -144,6 +144,10 @@ pub trait Effect: Sync {
     fn imitates_form(&self) -> bool {
         self.kind() == Kind::Form
     }
+    /// Whether it acts on the course of the pressure, and no other form of the hysteresis would act so: a cause.
+    fn is_cause(&self) -> bool {
+        self.kind() == Kind::Course && !self.imitates_form()
+    }
     /// Whether no error in the form of a model looks like it, as the current does not make it: how far the model of a good valve is
     /// off then says nothing of it.
     fn is_apart_from_form(&self) -> bool {
