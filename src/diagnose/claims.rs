@@ -2,11 +2,12 @@
 
 use super::base::BASE;
 use super::conclude::Findings;
+use super::criteria::Criteria;
 use super::descent::Descent;
 use super::diagnosis::{Claim, Finding};
 use super::evidence::rms;
 use super::fit::Fit;
-use super::good::{Good, Price};
+use super::good::Good;
 use super::model::Simulator;
 use super::seen;
 use super::trust::Trust;
@@ -114,9 +115,8 @@ impl Findings<'_, '_> {
     /// data has it. A valve that is no farther off than a good one may be has changed then all the same: a good one's own error is no
     /// single effect, and recalibrates beside whatever is found.
     pub fn is_in_place_of_recalibration(&self) -> bool {
-        let denied = 0.5 * self.fitter.criteria.very_strong;
-        let (null, chosen) = (self.search.null.prior_nats, self.search.chosen.prior_nats);
-        null - chosen > denied && chosen <= denied
+        let (criteria, null, chosen) = (&self.fitter.criteria, self.search.null.prior_nats, self.search.chosen.prior_nats);
+        self.fitter.is_vouched && criteria.denies(null - chosen) && !criteria.denies(chosen)
     }
 
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
@@ -126,6 +126,8 @@ impl Findings<'_, '_> {
         let Some(good) = self.good else { return false };
         let criteria = &self.fitter.criteria;
         let (over_all, in_class) = self.beyond(good);
+        // The calibration of a day is no other state.
+        let is_denied = criteria.denies(self.search.null.prior_nats);
         let hides = || {
             let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
             let off_bar = |simulated_bar: &[f64]| self.off_bar(self.residual(simulated_bar));
@@ -133,7 +135,7 @@ impl Findings<'_, '_> {
         };
         self.is_another_state(good, (over_all, in_class))
             && (!good.is_denied() || over_all > criteria.structure)
-            && (in_class > self.farther(good).1 || hides())
+            && (in_class > self.farther(good).1 || is_denied && hides())
     }
 
     /// Whether most of what the chosen model gains over `without`, by an effect on the form of the loop or another one, lies behind
@@ -171,12 +173,12 @@ impl Findings<'_, '_> {
         if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
             return Claim::Lacks;
         }
-        // Nor has one whose form is no farther off on the record than on the good valve's own drive; unless it is so at the price of a
-        // calibration that this data denies, and the effect, alone in its credible set, needs none of that.
+        // Nor has one whose form is no farther off on the record than a good valve's may be.
         let criteria = &self.fitter.criteria;
+        let is_denied = criteria.denies(without.prior_nats - chosen.prior_nats);
         let is_sole = self.weighed[k].share >= criteria.credible && self.weighed[k].rest.is_empty();
-        let at_a_price = is_sole && without.prior_nats - chosen.prior_nats > 0.5 * criteria.very_strong;
-        if effect.imitates_form() && !at_a_price && without.rmse_bar < criteria.structure_known * self.fitter.floor_bar {
+        let may_be_off = form_may_be_off(criteria, self.farther(good).0, is_denied, is_sole);
+        if effect.imitates_form() && without.rmse_bar < may_be_off * self.fitter.floor_bar {
             return Claim::Lacks;
         }
         // Nor one that held-out data does not confirm, or that had to go to the end of its range.
@@ -196,8 +198,33 @@ impl Findings<'_, '_> {
             held(&theta) - as_chosen
         };
         // A form that explains both has always been so, also where another size of it would suit the record better.
-        let on_record: Option<(Price<'_>, &[f64])> = if effect.imitates_form() { Some((&with, &chosen.theta[..BASE])) } else { None };
-        let excluded = good.excludes(effect, theta, on_record) > self.fitter.criteria.excluded_nats;
+        let recalibrated = effect.imitates_form().then_some(&chosen.theta[..BASE]);
+        let excluded = good.excludes(effect, theta, &with, recalibrated) > self.fitter.criteria.excluded_nats;
         if excluded { Claim::Changed } else { Claim::Lacks }
+    }
+}
+
+/// How many times as far as on the good valve's own drive the form of its loop may be off on the record without an effect on it: as
+/// `farther` as from one drive to the next. Where the record, without the effect, wants a calibration that data of the good valve denies,
+/// the form is fitted to the record at that price: then no farther than on its own drive, and if the effect is alone in its credible
+/// set, not at all.
+fn form_may_be_off(criteria: &Criteria, farther: f64, is_denied: bool, is_sole: bool) -> f64 {
+    match is_denied {
+        true if is_sole => 0.0,
+        true => criteria.structure_known,
+        false => farther,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_denied_calibration_lets_a_form_that_is_off_as_from_drive_to_drive_have_changed() {
+        let criteria = Criteria::default();
+        let may_be_off = |is_denied, is_sole| form_may_be_off(&criteria, criteria.another_drive, is_denied, is_sole);
+        assert_eq!([may_be_off(false, false), may_be_off(false, true)], [criteria.another_drive; 2]);
+        assert_eq!([may_be_off(true, false), may_be_off(true, true)], [criteria.structure_known, 0.0]);
     }
 }

@@ -33,19 +33,18 @@ pub struct Beside<'s> {
 }
 
 impl<'s> Beside<'s> {
-    /// The diagnosis by a search that went out from `base`, and the fit that it chose; `looking`: the fitter of the part of the
+    /// The diagnosis by a search that went out from `base`, and that search; `looking`: the fitter of the part of the
     /// recording that the search has looked at, where that is not all.
     pub fn answer<'a>(
         self,
         base: &'s Model<'a>,
         (fitter, looking): (&'s Fitter<'s>, Option<&'s Fitter<'s>>),
         search: Search<'a>,
-    ) -> (Diagnosed, Fit<'a>) {
+    ) -> (Diagnosed, Search<'a>) {
         let Self { recording, given, good, scattered, unsettled } = self;
         let weighed = Vec::new();
         let findings = Findings { recording, given, base, good, fitter, looking, search, scattered, unsettled, weighed }.weighed();
-        let chosen = findings.search.chosen.clone();
-        (findings.conclude(), chosen)
+        (findings.conclude(), findings.search)
     }
 }
 
@@ -109,7 +108,7 @@ impl<'a> Findings<'_, 'a> {
     }
 
     /// The diagnosis.
-    pub fn conclude(self) -> Diagnosed {
+    pub fn conclude(&self) -> Diagnosed {
         let (fitter, search) = (self.fitter, &self.search);
         let evidence = fitter.evidence;
         let mut measured_all = evidence.pressure_bar();

@@ -135,6 +135,11 @@ impl Criteria {
         self.fields().into_iter().filter_map(|(name, value)| Some((name, value.as_f64()?))).collect()
     }
 
+    /// Whether a calibration at this price [nats] is denied by the data that it was made from, or costs that much more than another one.
+    pub fn denies(&self, nats: f64) -> bool {
+        nats > 0.5 * self.very_strong
+    }
+
     /// The same thresholds with another value of the one that is named; what is counted takes the nearest whole number, at least one.
     ///
     /// # Errors

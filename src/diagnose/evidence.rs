@@ -10,7 +10,7 @@ use crate::process_loop::SLOW_STEP_S;
 use crate::valve::Valve;
 
 /// Fewest usable samples in all.
-const FEWEST_SAMPLES: usize = 200;
+pub const FEWEST_SAMPLES: usize = 200;
 
 /// Noise of a recording without any [bar].
 const LEAST_NOISE_BAR: f64 = 1e-6;

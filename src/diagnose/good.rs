@@ -15,7 +15,7 @@ use super::model::{Model, Simulator};
 use super::scatter::{mask, restored, scatter};
 use super::search::search_in;
 use super::trust::Trust;
-use super::{comparable, settled};
+use super::{comparable, settled, slower};
 use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Scatter, ScatterFinding};
 use crate::recording::Recording;
@@ -40,6 +40,8 @@ pub struct Good {
     scatter: Vec<(&'static str, Vec<f64>)>,
     /// What of it a search looks at; `None` where that is all.
     short: Option<Evidence>,
+    /// It as a logger as slow as that of the record would have written it, where that is slower.
+    slowly: Option<Evidence>,
     /// Measured pressures; NaN where masked [bar].
     measured: Vec<f64>,
     /// Samples of that data that count as one.
@@ -117,6 +119,10 @@ impl Good {
                 problem: format!("is to be data of the good valve, but does not belong to the model: {}", mistake.text()),
             });
         }
+        let slowly = match slower::read_every(&all, record.step_s()) {
+            Some(few) if foreign.is_none() => Some(Evidence::of(Course::of(&few, &Preparation::for_model(&few, valve))?)?),
+            _ => None,
+        };
         let mut base = Model::base(valve).map_err(model)?.on(&evidence);
         let slow = evidence.is_slow();
         if slow {
@@ -174,6 +180,7 @@ impl Good {
             corrections,
             scatter: seen,
             short,
+            slowly,
             measured,
             tau_samples,
             rmse_bar,
@@ -236,12 +243,13 @@ impl Good {
     }
 
     /// How much that data speaks against an effect of the values `theta`, with which the record is explained [nats]; the base
-    /// may make room for it. Where `on_record` gives the price on the record [nats] of other values of it, the cheapest
-    /// of the values between those that the record wants and those that this data wants; the base may then be the one that the
-    /// record has with it, too, at no price but that of this data, from which the calibration was made.
-    pub fn excludes<'a>(&'a self, effect: &'static dyn Effect, theta: &[f64], on_record: Option<(Price<'_>, &[f64])>) -> f64 {
+    /// may make room for it. `on_record`: the price on the record [nats] of other values of it. Where `recalibrated` gives the base that
+    /// the record has with an effect on the form of the loop, the cheapest of the values between those that the record wants and those
+    /// that this data wants; the base may then be that one, at no price but that of this data, from which the calibration was made.
+    pub fn excludes<'a>(&'a self, effect: &'static dyn Effect, theta: &[f64], on_record: Price<'_>, recalibrated: Option<&[f64]>) -> f64 {
         let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return 0.0 };
         let fitter = self.fitter();
+        let slowly = self.excludes_read_slowly(effect, theta, on_record);
         let mut simulator = Simulator::new(fitter.evidence);
         let nats = |fit: &Fit<'_>| fitter.objective(fit) * fitter.effective();
         let mut fit = |model: &Model<'a>, start: &[f64], held: usize| {
@@ -251,18 +259,40 @@ impl Good {
         let without = fit(&base, &start, 0);
         let model = base.with(effect, 0.0);
         let here = [start.as_slice(), theta].concat();
-        let own = nats(&fit(&model, &here, 1)) - nats(&without);
-        let Some((on_record, recalibrated)) = on_record else { return own };
+        let own = (nats(&fit(&model, &here, 1)) - nats(&without)).min(slowly);
+        let Some(recalibrated) = recalibrated else { return own };
         let wanted = fit(&model, &here, 0).theta.split_off(start.len());
-        let between = |share: f64| theta.iter().zip(&wanted).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
         let by_data = |fit: &Fit<'_>| nats(fit) - fit.prior_nats;
         let as_recalibrated = by_data(&fit(&model, &[recalibrated, theta].concat(), 1)) - by_data(&without);
-        let price = |share: f64| {
-            let values = between(share);
-            nats(&fit(&model, &[start.as_slice(), &values].concat(), 1)) - nats(&without) + on_record(&values)
-        };
-        BETWEEN.map(price).into_iter().fold(own.min(as_recalibrated), f64::min)
+        let price = |values: Vec<f64>| nats(&fit(&model, &[start.as_slice(), &values].concat(), 1)) - nats(&without) + on_record(&values);
+        between(theta, &wanted).map(price).into_iter().fold(own.min(as_recalibrated), f64::min)
     }
+
+    /// How much that data, read as slowly as the record, speaks against such an effect of any size [nats]: it may stand in for what the
+    /// current does between two readings. Without bound where the record is read as often.
+    fn excludes_read_slowly(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Price<'_>) -> f64 {
+        let Some((slowly, base)) = self.slowly.as_ref().zip(Model::base(&self.valve).ok()) else { return f64::INFINITY };
+        let (fitter, base) = (Fitter::new(slowly), base.on(slowly));
+        let mut simulator = Simulator::new(slowly);
+        let nats = |fit: &Fit<'_>| fitter.objective(fit) * fitter.effective();
+        let mut fit = |model: &Model<'_>, start: &[f64], held: usize| {
+            let fit = fitter.polish_in(&mut simulator, model, start, Descent { iterations: 6, held, rough: false });
+            (nats(&fit), fit.theta)
+        };
+        let start = base.calibrated();
+        let without = fit(&base, &start, 0).0;
+        let model = base.with(effect, 0.0);
+        let here = [start.as_slice(), theta].concat();
+        let wanted = fit(&model, &here, 0).1.split_off(start.len());
+        let own = fit(&model, &here, 1).0 - without;
+        let price = |values: Vec<f64>| fit(&model, &[start.as_slice(), &values].concat(), 1).0 - without + on_record(&values);
+        between(theta, &wanted).map(price).into_iter().fold(own, f64::min)
+    }
+}
+
+/// Values between those that the record wants and those that data of the good valve wants, and the latter.
+fn between(record: &[f64], good: &[f64]) -> [Vec<f64>; 3] {
+    BETWEEN.map(|share| record.iter().zip(good).map(|(a, b)| a + share * (b - a)).collect())
 }
 
 /// A fit without the shifts of the calibration that had to go to the end of their range: two parameters that stand in for one another on

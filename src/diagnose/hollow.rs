@@ -95,7 +95,7 @@ pub fn explains(fitter: &Fitter<'_>, null: &Fit<'_>, chosen: &Fit<'_>) -> bool {
         let weighed = part(before.rmse_bar, chosen.rmse_bar).max(part(before.scale_bar, chosen.scale_bar));
         weighed > criteria.explains || plainly(fitter, before, chosen) > criteria.explains
     };
-    let stood_in = null.prior_nats - chosen.prior_nats > 0.5 * criteria.very_strong;
+    let stood_in = criteria.denies(null.prior_nats - chosen.prior_nats);
     let as_calibrated = || fitter.score(&mut Simulator::new(fitter.evidence), &null.model, &null.model.calibrated(), &mut Vec::new());
     signed || takes_enough(null) || stood_in && takes_enough(&as_calibrated())
 }

@@ -27,6 +27,7 @@ mod fit;
 mod foreign;
 mod foreseen;
 mod good;
+mod guess;
 mod heldout;
 mod hollow;
 mod incomparable;
@@ -52,6 +53,7 @@ mod seen;
 mod settled;
 mod signature;
 mod simulated;
+mod slower;
 mod spread;
 mod start;
 mod stimuli;
@@ -219,13 +221,19 @@ fn on_evidence(
     scattered.extend(late);
     let null = search.null.clone();
     let beside = Beside { recording, given: &given, good: good.as_ref(), scattered: &scattered, unsettled: &unsettled };
-    let (mut found, mut chosen) = beside.answer(&base, (&fitter, looking.as_ref()), search);
+    let (mut found, mut search) = beside.answer(&base, (&fitter, looking.as_ref()), search);
+    if let Some(note) = guess::guess(&fitter, &found.diagnosis, &search.chosen) {
+        search.chosen = null.clone();
+        (found, search) = beside.answer(&base, (&fitter, looking.as_ref()), search);
+        found.diagnosis.notes.push(note);
+    }
+    let mut chosen = search.chosen;
     let still = base.standing_still();
     if found.stands_apart {
         let search = apart::search(&mut fitter, looking.as_mut(), &still);
-        let (named, with) = beside.answer(&still, (&fitter, looking.as_ref()), search);
-        if apart::follows(&fitter, &null, &with) && named.diagnosis.is_followed() {
-            (found, chosen) = (named, with);
+        let (named, search) = beside.answer(&still, (&fitter, looking.as_ref()), search);
+        if apart::follows(&fitter, &null, &search.chosen) && named.diagnosis.is_followed() {
+            (found, chosen) = (named, search.chosen);
         }
     }
     let remains = found.diagnosis.unexplained.is_some();

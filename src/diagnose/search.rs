@@ -155,17 +155,17 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
         // Few events lie in few blocks, which no test of blocks finds certain; what is gained there is as much as was claimed.
         let carried = gain > fitter.criteria.carried * (less.rmse_bar - fit.rmse_bar) && fit.rmse_bar < less.rmse_bar;
         let recalibrates = fit.model.effects[k].recalibrates();
-        let stood_in = (!fitter.squared || recalibrates) && less.prior_nats - fit.prior_nats > 0.5 * fitter.criteria.very_strong;
+        let stood_in = (!fitter.squared || recalibrates) && fitter.criteria.denies(less.prior_nats - fit.prior_nats);
         // Beside a cause that was found, a recalibration that does as well is the plainer answer; beside a form alone it is none where
         // gain or zero would go beyond what calibration allows.
         let beside_cause = fit.model.effects[..k].iter().any(|e| !e.imitates_form());
-        let shifted = less.recalibration_nats() - fit.recalibration_nats() > 0.5 * fitter.criteria.very_strong;
+        let shifted = fitter.criteria.denies(less.recalibration_nats() - fit.recalibration_nats());
         if k > 0 && !signed && (beside_cause || !shifted) && gain < fitter.criteria.worth * without.rmse_bar() {
             fit = less;
             continue;
         }
         // Beside a recalibration that data of the good valve does not allow, what adds little to it repairs the repair.
-        let repairs = fitter.is_vouched && fit.reshaping_nats() > 0.5 * fitter.criteria.very_strong;
+        let repairs = fitter.is_vouched && fitter.criteria.denies(fit.reshaping_nats());
         if repairs && !signed && gain < fitter.criteria.alone * with.rmse_bar() {
             fit = less;
             continue;
@@ -355,7 +355,7 @@ fn worth(fitter: &Fitter<'_>, incumbent: &Fit<'_>, next: &Fit<'_>) -> bool {
     let closer = next.scale_bar < (1.0 - fitter.criteria.worth) * incumbent.scale_bar
         || next.rmse_bar < (1.0 - fitter.criteria.worth) * incumbent.rmse_bar;
     // A parameter of the calibration had to stand in for it, far from where the calibration found it.
-    let stood_in = incumbent.prior_nats - next.prior_nats > 0.5 * fitter.criteria.very_strong;
+    let stood_in = fitter.criteria.denies(incumbent.prior_nats - next.prior_nats);
     let noise = fitter.floor_bar;
     (stood_in || closer && (faint || explained_rms(fitter, incumbent, next) > fitter.criteria.net * noise))
         && own_rms(fitter, next, next.model.effects.len() - 1) > fitter.criteria.trifle * noise

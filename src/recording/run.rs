@@ -104,6 +104,13 @@ impl Run {
         }
         behind
     }
+    /// The first of every so many samples.
+    pub fn every(&self, samples: usize) -> Self {
+        let mut few = self.clone();
+        let keep: Vec<bool> = (0..self.len()).map(|k| k % samples.max(1) == 0).collect();
+        few.retain(&keep);
+        few
+    }
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.time_s.len()

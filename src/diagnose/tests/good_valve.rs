@@ -67,6 +67,33 @@ fn a_valve_that_is_no_farther_off_than_when_it_was_good_has_not_changed() {
     assert_eq!(farther(2.6).verdict, Verdict::Unexplained, "{}", farther(2.6).summary);
 }
 
+#[test]
+fn a_worn_form_has_changed_though_a_denied_calibration_follows_it_half() {
+    let wandering = |mut of: Recording, from_s: f64| {
+        let run = &mut of.runs[0];
+        let times_s = run.time_s.iter().map(|t| t + from_s);
+        for (p, t) in run.pressure_bar.iter_mut().flatten().zip(times_s) {
+            *p += 0.2 * (0.9 * t + 2.0 * (0.23 * t).sin()).sin() * (0.61 * t).cos();
+        }
+        of
+    };
+    let mut worn = valve();
+    worn.effects.push(specification(effect("reversal_dead_band").unwrap(), &[0.03]));
+    let d = diagnose_against(&wandering(recording(&worn), 3.0), &valve(), &[wandering(another_drive(&valve()), 0.0)]).unwrap().diagnosis;
+    let first = d.effects.first().unwrap_or_else(|| panic!("{}", d.summary));
+    assert_eq!((first.id.as_str(), first.claim), ("reversal_dead_band", Claim::Changed), "{}", d.summary);
+}
+
+#[test]
+fn what_the_good_valve_would_show_as_well_if_it_were_read_as_slowly_has_not_changed() {
+    for every in [5, 8] {
+        let mut slow = recording(&valve());
+        slow.runs[0] = slow.runs[0].every(every);
+        let d = diagnose_against(&slow, &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
+        assert!(d.effects.is_empty() && !d.form.is_empty(), "{every}: {}", d.summary);
+    }
+}
+
 /// The whole range of the current up and down in two minutes.
 fn sweep(of: &Valve) -> Recording {
     let mut random = rand_pcg::Pcg64::seed_from_u64(13);
@@ -171,7 +198,8 @@ fn how_far_a_good_valve_is_off_behind_faster_movements_than_its_own_nobody_knows
         *p = 1.0065 * answer_bar;
     }
     let verdict = |speaks: f64| {
-        let criteria = Criteria { speaks, ..Criteria::default() };
+        // A gain of that size is no day's any more.
+        let criteria = Criteria { speaks, very_strong: 4.0, ..Criteria::default() };
         diagnose_by(&criteria, None, &late, &valve(), &reference).unwrap().diagnosis.verdict
     };
     assert_eq!(verdict(Criteria::default().speaks), Verdict::Match);
