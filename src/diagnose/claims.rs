@@ -113,10 +113,11 @@ impl Findings<'_, '_> {
 
     /// Whether the effects stand in the place of a recalibration that data of the good valve denies, and leave the calibration where that
     /// data has it. A valve that is no farther off than a good one may be has changed then all the same: a good one's own error is no
-    /// single effect, and recalibrates beside whatever is found.
+    /// single effect, and recalibrates beside whatever is found. But one that is no farther off than on its own data shows just that.
     pub fn is_in_place_of_recalibration(&self) -> bool {
-        let (criteria, null, chosen) = (&self.fitter.criteria, self.search.null.prior_nats, self.search.chosen.prior_nats);
-        self.fitter.is_vouched && criteria.denies(null - chosen) && !criteria.denies(chosen)
+        let (null, chosen) = (self.search.null.prior_nats, self.search.chosen.prior_nats);
+        let Some(good) = self.good.filter(|good| !good.is_denied()) else { return false };
+        stands_in(&self.fitter.criteria, (null, chosen), self.beyond(good).0)
     }
 
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
@@ -216,6 +217,12 @@ fn form_may_be_off(criteria: &Criteria, farther: f64, is_denied: bool, is_sole: 
     }
 }
 
+/// Whether what was found stands in the place of a calibration that is denied, and needs none itself, by what the two cost [nats], on a
+/// record that is `beyond` times as far off as data of the good valve excuses.
+fn stands_in(criteria: &Criteria, (null, chosen): (f64, f64), beyond: f64) -> bool {
+    criteria.denies(null - chosen) && !criteria.denies(chosen) && beyond >= criteria.structure_known
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,5 +233,13 @@ mod tests {
         let may_be_off = |is_denied, is_sole| form_may_be_off(&criteria, criteria.another_drive, is_denied, is_sole);
         assert_eq!([may_be_off(false, false), may_be_off(false, true)], [criteria.another_drive; 2]);
         assert_eq!([may_be_off(true, false), may_be_off(true, true)], [criteria.structure_known, 0.0]);
+    }
+
+    #[test]
+    fn what_stands_in_for_a_denied_calibration_needs_none_and_is_farther_off_than_the_good_valve_was() {
+        let stands = |null: f64, chosen: f64, beyond: f64| stands_in(&Criteria::default(), (null, chosen), beyond);
+        assert!(stands(20.0, 1.0, 1.7));
+        assert!(!stands(20.0, 1.0, 0.6), "no farther off than on its own data");
+        assert!(!stands(20.0, 14.0, 1.7) && !stands(4.0, 1.0, 1.7), "denied all the same, or never");
     }
 }

@@ -60,7 +60,7 @@ fn what_stands_in_the_place_of_a_denied_recalibration_has_changed_however_small_
         let good = [driven(&valve(), (0.25, 0.9), (120.0, 0.01), 200 + seed)];
         let found = |of: &Valve| diagnose_against(&driven(of, (0.25, 0.9), (80.0, 0.01), seed), &valve(), &good).unwrap().diagnosis;
         let mut late = valve();
-        late.effects.push(specification(effect("transport_delay").unwrap(), &[0.012]));
+        late.effects.push(specification(effect("transport_delay").unwrap(), &[0.022]));
         let changed = found(&late);
         let [first] = changed.effects.as_slice() else { panic!("seed {seed}: {}", changed.summary) };
         let says = |id: &str| first.id == id || first.indistinguishable.iter().any(|other| other == id);
