@@ -94,6 +94,20 @@ fn what_the_good_valve_would_show_as_well_if_it_were_read_as_slowly_has_not_chan
     }
 }
 
+#[test]
+fn what_a_recalibration_of_a_days_size_hides_is_no_other_state_of_the_valve() {
+    let said = |gain: f64, zero_bar: f64| {
+        let mut record = recording(&valve());
+        record.runs[0].pressure_bar.iter_mut().flatten().for_each(|p| *p = gain.mul_add(*p, zero_bar));
+        let criteria = Criteria { another_drive: 1.2, ..Criteria::default() };
+        diagnose_by(&criteria, None, &record, &valve(), &[another_drive(&valve())]).unwrap().diagnosis
+    };
+    let (day, moved) = (said(1.002, 0.03), said(1.0, 0.2));
+    assert!(day.rmse_bar.base > 2.0 * day.rmse_bar.refit_heldout, "{}", day.summary);
+    assert_eq!((day.verdict, day.effects.len()), (Verdict::Match, 0), "{}", day.summary);
+    assert_ne!(moved.verdict, Verdict::Match, "{}", moved.summary);
+}
+
 /// The whole range of the current up and down in two minutes.
 fn sweep(of: &Valve) -> Recording {
     let mut random = rand_pcg::Pcg64::seed_from_u64(13);
