@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
+use super::against::{Against, Price};
 use super::base::AT;
-use super::descent::Descent;
 use super::diagnosis::{Claim, Estimate, Finding};
 use super::error::DiagnoseError;
 use super::evidence::{Evidence, rms};
@@ -20,9 +20,6 @@ use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Scatter, ScatterFinding};
 use crate::recording::Recording;
 use crate::valve::{Identification, Valve};
-
-/// What values of an effect cost on the record [nats].
-pub type Price<'p> = &'p dyn Fn(&[f64]) -> f64;
 
 /// The good valve, as its own data shows it.
 pub struct Good {
@@ -246,53 +243,21 @@ impl Good {
     /// may make room for it. `on_record`: the price on the record [nats] of other values of it. Where `recalibrated` gives the base that
     /// the record has with an effect on the form of the loop, the cheapest of the values between those that the record wants and those
     /// that this data wants; the base may then be that one, at no price but that of this data, from which the calibration was made.
-    pub fn excludes<'a>(&'a self, effect: &'static dyn Effect, theta: &[f64], on_record: Price<'_>, recalibrated: Option<&[f64]>) -> f64 {
-        let Ok(base) = Model::base(&self.valve).map(|base| base.on(&self.evidence)) else { return 0.0 };
+    ///
+    /// Read as slowly as the record, that data has to speak against such an effect of any size: it may stand in for what the current does
+    /// between two readings.
+    pub fn excludes(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Price<'_>, recalibrated: Option<&[f64]>) -> f64 {
+        let Ok(base) = Model::base(&self.valve) else { return 0.0 };
+        let slowly = self.slowly.as_ref().map_or(f64::INFINITY, |slowly| {
+            let fitter = Fitter::new(slowly);
+            let against = Against::of(&fitter, &base.clone().on(slowly), effect);
+            against.at(theta).min(against.between(theta, on_record))
+        });
         let fitter = self.fitter();
-        let slowly = self.excludes_read_slowly(effect, theta, on_record);
-        let mut simulator = Simulator::new(fitter.evidence);
-        let nats = |fit: &Fit<'_>| fitter.objective(fit) * fitter.effective();
-        let mut fit = |model: &Model<'a>, start: &[f64], held: usize| {
-            fitter.polish_in(&mut simulator, model, start, Descent { iterations: 6, held, rough: false })
-        };
-        let start = base.calibrated();
-        let without = fit(&base, &start, 0);
-        let model = base.with(effect, 0.0);
-        let here = [start.as_slice(), theta].concat();
-        let own = (nats(&fit(&model, &here, 1)) - nats(&without)).min(slowly);
-        let Some(recalibrated) = recalibrated else { return own };
-        let wanted = fit(&model, &here, 0).theta.split_off(start.len());
-        let by_data = |fit: &Fit<'_>| nats(fit) - fit.prior_nats;
-        let as_recalibrated = by_data(&fit(&model, &[recalibrated, theta].concat(), 1)) - by_data(&without);
-        let price = |values: Vec<f64>| nats(&fit(&model, &[start.as_slice(), &values].concat(), 1)) - nats(&without) + on_record(&values);
-        between(theta, &wanted).map(price).into_iter().fold(own.min(as_recalibrated), f64::min)
+        let against = Against::of(&fitter, &base.on(&self.evidence), effect);
+        let own = against.at(theta).min(slowly);
+        recalibrated.map_or(own, |base| own.min(against.at_recalibrated(base, theta)).min(against.between(theta, on_record)))
     }
-
-    /// How much that data, read as slowly as the record, speaks against such an effect of any size [nats]: it may stand in for what the
-    /// current does between two readings. Without bound where the record is read as often.
-    fn excludes_read_slowly(&self, effect: &'static dyn Effect, theta: &[f64], on_record: Price<'_>) -> f64 {
-        let Some((slowly, base)) = self.slowly.as_ref().zip(Model::base(&self.valve).ok()) else { return f64::INFINITY };
-        let (fitter, base) = (Fitter::new(slowly), base.on(slowly));
-        let mut simulator = Simulator::new(slowly);
-        let nats = |fit: &Fit<'_>| fitter.objective(fit) * fitter.effective();
-        let mut fit = |model: &Model<'_>, start: &[f64], held: usize| {
-            let fit = fitter.polish_in(&mut simulator, model, start, Descent { iterations: 6, held, rough: false });
-            (nats(&fit), fit.theta)
-        };
-        let start = base.calibrated();
-        let without = fit(&base, &start, 0).0;
-        let model = base.with(effect, 0.0);
-        let here = [start.as_slice(), theta].concat();
-        let wanted = fit(&model, &here, 0).1.split_off(start.len());
-        let own = fit(&model, &here, 1).0 - without;
-        let price = |values: Vec<f64>| fit(&model, &[start.as_slice(), &values].concat(), 1).0 - without + on_record(&values);
-        between(theta, &wanted).map(price).into_iter().fold(own, f64::min)
-    }
-}
-
-/// Values between those that the record wants and those that data of the good valve wants, and the latter.
-fn between(record: &[f64], good: &[f64]) -> [Vec<f64>; 3] {
-    BETWEEN.map(|share| record.iter().zip(good).map(|(a, b)| a + share * (b - a)).collect())
 }
 
 /// A fit without the shifts of the calibration that had to go to the end of their range: two parameters that stand in for one another on
@@ -326,8 +291,6 @@ fn worst(fitter: &Fitter<'_>, fit: &Fit<'_>) -> f64 {
 
 /// From this share of readings that are the same as the one before on, a recording shows less noise than its sensor has.
 const REPEATS: f64 = 0.1;
-/// Values that are tried between what the record wants and what data of the good valve wants: shares of the way.
-const BETWEEN: [f64; 3] = [0.3, 0.6, 1.0];
 
 #[cfg(test)]
 mod tests {

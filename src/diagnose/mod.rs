@@ -4,6 +4,7 @@
 //! with the base model; "recalibrate only" gets the same effort. The choice is by BIC on effective samples and by
 //! what held-out stretches show. This room knows no effect by name.
 
+mod against;
 mod answered;
 mod apart;
 mod base;
