@@ -116,10 +116,9 @@ impl Good {
                 problem: format!("is to be data of the good valve, but does not belong to the model: {}", mistake.text()),
             });
         }
-        let slowly = match slower::read_every(&all, record.step_s()) {
-            Some(few) if foreign.is_none() => Some(Evidence::of(Course::of(&few, &Preparation::for_model(&few, valve))?)?),
-            _ => None,
-        };
+        // Rows that tell too little say nothing against an effect.
+        let few = slower::read_every(&all, record.step_s()).filter(|_| foreign.is_none());
+        let slowly = few.and_then(|few| Evidence::of(Course::of(&few, &Preparation::for_model(&few, valve)).ok()?).ok());
         let mut base = Model::base(valve).map_err(model)?.on(&evidence);
         let slow = evidence.is_slow();
         if slow {

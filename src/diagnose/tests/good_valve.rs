@@ -108,6 +108,16 @@ fn what_a_recalibration_of_a_days_size_hides_is_no_other_state_of_the_valve() {
     assert_ne!(moved.verdict, Verdict::Match, "{}", moved.summary);
 }
 
+#[test]
+fn good_data_that_a_slower_logger_would_have_missed_is_no_bar_to_a_diagnosis() {
+    let mut slow = recording(&valve());
+    slow.runs[0] = slow.runs[0].every(5);
+    let mut sparse = another_drive(&valve());
+    sparse.runs[0].pressure_bar.iter_mut().flatten().step_by(5).for_each(|p| *p = f64::NAN);
+    let found = diagnose_against(&slow, &valve(), &[sparse]);
+    assert!(found.is_ok(), "{:?}", found.err());
+}
+
 /// The whole range of the current up and down in two minutes.
 fn sweep(of: &Valve) -> Recording {
     let mut random = rand_pcg::Pcg64::seed_from_u64(13);
