@@ -22,6 +22,18 @@ impl Step {
         Self { to: value, mean: value, jump: 0.0 }
     }
 
+    /// So many times this.
+    #[inline]
+    pub fn times(self, factor: f64) -> Self {
+        Self { to: factor * self.to, mean: factor * self.mean, jump: factor * self.jump }
+    }
+
+    /// The sum of two signals.
+    #[inline]
+    pub fn plus(self, other: Self) -> Self {
+        Self { to: self.to + other.to, mean: self.mean + other.mean, jump: self.jump + other.jump }
+    }
+
     /// From the value at the sample before: held until the command arrives, or on a straight line.
     #[inline]
     pub fn arriving(from: f64, to: f64, arrival: Arrival) -> Self {

@@ -33,6 +33,7 @@ mod periodic_disturbance;
 mod pipeline;
 mod plant;
 mod power;
+mod rate_clearance;
 mod rate_dependent_hysteresis;
 mod reference_drift;
 mod reference_shape;

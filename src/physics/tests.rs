@@ -171,12 +171,15 @@ fn sampled(valve: &Valve, per_level: usize) -> Vec<f64> {
     out.into_iter().step_by(per_level).collect()
 }
 
-/// What no example has, as a search starts without it: a piston that the oil resists both ways, and curves that have moved along the current.
-const BESIDE: [(&str, &[f64]); 4] = [
+/// What no example has, as a search starts without it: a piston that the oil resists both ways, curves that have moved along the current,
+/// and a play that grows with the rate.
+const BESIDE: [(&str, &[f64]); 6] = [
     ("fill_phase", &[1.5, 0.2, 0.2, 1.0, 0.0, 0.0, 3.0]),
     ("fill_phase", &[3.0, 0.5, 1.5, 1.0, 1.0, 0.2, 2.7]),
     ("fill_phase", &[2.0, 0.3, 0.0, 0.5, 0.5, 0.0, 20.0]),
     ("reference_shift", &[0.0, 0.0, 0.0, -0.012]),
+    ("rate_dependent_hysteresis", &[1.2, 1.0, 0.0, 0.02, 0.4, 1.0]),
+    ("rate_dependent_hysteresis", &[0.6, 0.6, 0.006, 0.05, 0.3, 0.5]),
 ];
 
 #[test]
