@@ -122,6 +122,7 @@ impl<'a> Findings<'_, 'a> {
         findings.extend(self.scattered.iter().map(|s| self.scatter_finding(s)));
         findings.sort_by(|a, b| b.0.total_cmp(&a.0));
         let (mut form, effects) = self.sorted(findings);
+        let candidates = self.candidates(&[effects.as_slice(), form.as_slice()].concat());
         form.extend(self.good.into_iter().flat_map(|g| g.corrections.iter().map(|c| c.finding(&g.names))));
 
         // Readings that were left out, but that no named cause has spoilt, are part of what is left.
@@ -234,7 +235,7 @@ impl<'a> Findings<'_, 'a> {
             mistake: None,
             rmse_bar: errors,
             place: locate(evidence, &base_residual, &base_bar),
-            candidates: self.candidates(&[effects.as_slice(), form.as_slice()].concat()),
+            candidates,
             effects,
             form,
             recalibration,

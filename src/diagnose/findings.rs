@@ -93,7 +93,7 @@ impl Findings<'_, '_> {
         (2.0 * f.gain_nats / fitter.tau_samples, finding)
     }
 
-    /// All effects that were tried alone, and the verdict on each.
+    /// All effects that were tried alone, and the verdict on each beside these, which were found.
     pub fn candidates(&self, effects: &[Finding]) -> Vec<Candidate> {
         let mut out: Vec<Candidate> = Vec::new();
         if let Some(first) = self.search.rounds.first() {
@@ -104,8 +104,8 @@ impl Findings<'_, '_> {
                 .enumerate()
                 .map(|(rank, c)| {
                     let bic = c.fit.bic(first.effective) - null;
-                    let rejected_because =
-                        (!effects.iter().any(|f| f.id == c.effect.id())).then(|| super::words::rejected(c.effect.id(), bic, effects));
+                    let rejected_because = (!effects.iter().any(|f| f.id == c.effect.id()))
+                        .then(|| super::words::rejected(c.effect.id(), bic, effects, self.fitter.criteria.overwhelming));
                     let heldout_rmse_bar = (rank < 8).then(|| held_out(self.where_searched(), &c.fit, 2).rmse_bar());
                     Candidate { id: c.effect.id().into(), heldout_rmse_bar, bic, rejected_because }
                 })

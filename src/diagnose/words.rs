@@ -29,8 +29,8 @@ pub fn paragraph(doc: &str, heading: &str) -> String {
     text.join(" ").trim_start_matches(heading).trim().to_string()
 }
 
-/// Why a candidate is not among the effects.
-pub fn rejected(id: &str, bic: f64, effects: &[Finding]) -> String {
+/// Why a candidate of this gain of BIC is not among the effects; a gain beyond `overwhelming` is no trifle.
+pub fn rejected(id: &str, bic: f64, effects: &[Finding], overwhelming: f64) -> String {
     if let Some(f) = effects.iter().find(|f| f.indistinguishable.iter().any(|r| r == id)) {
         return format!("explains this record about as well as {}, which is named", f.id);
     }
@@ -39,6 +39,9 @@ pub fn rejected(id: &str, bic: f64, effects: &[Finding]) -> String {
     }
     match effects.first() {
         Some(f) => format!("{} explains the record better, and then this adds nothing of worth", f.id),
+        None if bic < -overwhelming => {
+            "it would take much of the error, but as a name it is denied: it leaves too much, held-out data does not confirm it, or data of the good valve speaks against it or against the calibration beside it".into()
+        }
         None => "what it explains is a trifle against noise and accuracy of the model".into(),
     }
 }
@@ -134,5 +137,16 @@ pub fn figure(value: f64, unit: &str) -> String {
         "A" if value.abs() < 1.0 => format!("{} mA", round(1e3 * value)),
         "1" => round(value),
         _ => format!("{} {unit}", round(value)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_take_much_and_is_not_named_is_no_trifle() {
+        let why = |bic: f64| rejected("reversal_dead_band", bic, &[], 150.0);
+        assert!(why(-817.0).contains("is denied") && why(-40.0).contains("trifle") && why(-4.0).contains("a recalibration"));
     }
 }

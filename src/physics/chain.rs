@@ -31,18 +31,20 @@ impl Dynamic for Floor {
         if from > self.floor_bar && input.to > self.floor_bar {
             return input;
         }
+        if input.jump == 0.0 {
+            let to = input.to.max(self.floor_bar);
+            return Step { to, mean: 0.5 * (from.max(self.floor_bar) + to), jump: 0.0 };
+        }
         let (mut mean, mut jump, mut end) = (0.0, 0.0, f64::NAN);
         input.pieces(from, self.left, f64::INFINITY, |share, a, b| {
             let (a, b) = (a.max(self.floor_bar), b.max(self.floor_bar));
-            if input.jump != 0.0 {
-                jump += if end.is_nan() { 0.0 } else { a - end };
-            }
+            jump += if end.is_nan() { 0.0 } else { a - end };
             mean += share * 0.5 * (a + b);
             end = b;
         });
         let to = input.to.max(self.floor_bar);
         // An arrival at the sample itself, or at the begin of the step, leaves one part only.
-        if input.jump != 0.0 && (self.left == 0.0 || self.left >= 1.0) {
+        if self.left == 0.0 || self.left >= 1.0 {
             jump = if self.left == 0.0 { to - end } else { (from + input.jump).max(self.floor_bar) - from.max(self.floor_bar) };
         }
         Step { to, mean, jump }

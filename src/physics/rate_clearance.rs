@@ -9,10 +9,10 @@ pub(super) struct RateClearance {
     /// Mean slope of the curves [bar/A].
     slope: f64,
     arrival: Arrival,
-    /// The current that the spool has followed to [A].
-    position_a: f64,
-    /// Current at the last sample [A].
-    last_a: f64,
+    /// The current that the spool has followed to [A], and the pressure on the curves there [bar].
+    position: (f64, f64),
+    /// Current at the last sample [A], and the pressure on the curves there [bar].
+    last: (f64, f64),
     /// What the play took of the pressure there [bar].
     lost_bar: f64,
 }
@@ -22,12 +22,13 @@ impl RateClearance {
     pub fn before(curves: &ReferenceCurves, arrival: Arrival) -> Self {
         let (low_a, high_a) = curves.range_a;
         let slope = ((curves.average_at(high_a) - curves.average_at(low_a)) / (high_a - low_a)).abs().max(1e-9);
-        Self { curves: curves.clone(), slope, arrival, position_a: 0.0, last_a: 0.0, lost_bar: 0.0 }
+        Self { curves: curves.clone(), slope, arrival, position: (0.0, 0.0), last: (0.0, 0.0), lost_bar: 0.0 }
     }
 
     /// At rest at this current [A].
     pub fn start(&mut self, current_a: f64) {
-        (self.position_a, self.last_a, self.lost_bar) = (current_a, current_a, 0.0);
+        self.last = (current_a, self.curves.average_at(current_a));
+        (self.position, self.lost_bar) = (self.last, 0.0);
     }
 
     /// What the play takes of the pressure [bar] during the step to `current_a` [A]: `sizes`, half of its width over the mean slope of the
@@ -35,26 +36,30 @@ impl RateClearance {
     #[inline]
     pub fn step(&mut self, current_a: f64, sizes: [f64; 3]) -> Step {
         let before = self.lost_bar;
+        let now = if current_a == self.last.0 { self.last } else { (current_a, self.curves.average_at(current_a)) };
         let lost = match self.arrival {
             Arrival::Held { left } => {
-                let ends = self.taken(self.last_a, sizes[0]);
-                let begins = self.taken(current_a, sizes[1]);
-                let to = self.taken(current_a, sizes[2]);
+                let ends = self.taken(self.last, sizes[0]);
+                let begins = self.taken(now, sizes[1]);
+                let to = self.taken(now, sizes[2]);
                 let mean = 0.5 * ((1.0 - left) * (before + ends) + left * (begins + to));
                 Step { to, mean, jump: begins - ends }
             }
-            Arrival::Ramp => Step::arriving(before, self.taken(current_a, sizes[2]), self.arrival),
+            Arrival::Ramp => Step::arriving(before, self.taken(now, sizes[2]), self.arrival),
         };
-        (self.last_a, self.lost_bar) = (current_a, lost.to);
+        (self.last, self.lost_bar) = (now, lost.to);
         lost
     }
 
     /// The spool follows to within the play; what that takes of the pressure [bar].
     #[inline]
-    fn taken(&mut self, current_a: f64, size_bar: f64) -> f64 {
+    fn taken(&mut self, (current_a, pressure_bar): (f64, f64), size_bar: f64) -> f64 {
         let radius_a = size_bar / self.slope;
-        self.position_a = self.position_a.max(current_a - radius_a).min(current_a + radius_a);
-        if self.position_a == current_a { 0.0 } else { self.curves.average_at(current_a) - self.curves.average_at(self.position_a) }
+        let followed_a = self.position.0.max(current_a - radius_a).min(current_a + radius_a);
+        if followed_a != self.position.0 {
+            self.position = (followed_a, self.curves.average_at(followed_a));
+        }
+        pressure_bar - self.position.1
     }
 }
 

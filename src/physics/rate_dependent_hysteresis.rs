@@ -96,10 +96,9 @@ impl Effect for RateDependentHysteresis {
     fn amplitude(&self) -> Option<usize> {
         Some(0)
     }
-    /// Plays of several sizes that grow with the rate: hardly any at a slow one, or most of it.
+    /// Plays of several sizes that grow with the rate.
     fn propose(&self, _: &Hint<'_>) -> Vec<Vec<f64>> {
-        let of = |slow: f64| [0.7, 3.0].map(|growth| vec![growth * slow, 1.0, 0.0, 0.02, slow, 1.0]);
-        [0.15, 0.4, 1.0].into_iter().flat_map(of).collect()
+        [0.1, 0.3, 1.0].map(|slow| vec![2.0 * slow, 1.0, 0.0, 0.02, slow, 1.0]).to_vec()
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let ratio = context.dt_s / theta[3];
@@ -258,7 +257,8 @@ impl Dynamic for Widening {
         let travel = at.current_a - self.last;
         self.last = at.current_a;
         let rates = self.felt(travel);
-        let mut lost = self.rubbed(travel, rates);
+        let is_all_clearance = self.clearance.as_ref().is_some_and(|(part, _)| *part >= 1.0);
+        let mut lost = if is_all_clearance { Step::rest(0.0) } else { self.rubbed(travel, rates) };
         if let Some((part, clearance)) = &mut self.clearance {
             let size = |rate: f64| self.size.slow + self.size.added(rate);
             let crossed = clearance.step(at.current_a, [rates.arriving, rates.gone, rates.to].map(size));
