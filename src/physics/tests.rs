@@ -178,8 +178,8 @@ const BESIDE: [(&str, &[f64]); 6] = [
     ("fill_phase", &[3.0, 0.5, 1.5, 1.0, 1.0, 0.2, 2.7]),
     ("fill_phase", &[2.0, 0.3, 0.0, 0.5, 0.5, 0.0, 20.0]),
     ("reference_shift", &[0.0, 0.0, 0.0, -0.012]),
-    ("rate_dependent_hysteresis", &[1.2, 1.0, 0.0, 0.02, 0.4, 1.0]),
-    ("rate_dependent_hysteresis", &[0.6, 0.6, 0.006, 0.05, 0.3, 0.5]),
+    ("rate_dependent_hysteresis", &[1.2, 1.0, 0.0, 0.02, 1.0]),
+    ("rate_dependent_hysteresis", &[0.6, 0.6, 0.006, 0.05, 0.5]),
 ];
 
 #[test]
