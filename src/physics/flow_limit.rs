@@ -75,9 +75,7 @@ impl Effect for FlowLimit {
         0.7 / theta[0].max(theta[1])
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
-        let (low_a, high_a) = context.curves.range_a;
-        let span_bar = (context.curves.average_at(high_a) - context.curves.average_at(low_a)).abs().max(1e-9);
-        let supply_bar = 1.5 * span_bar;
+        let supply_bar = 1.5 * context.curves.span_bar();
         let shape = theta[2];
         let free = theta[0].min(theta[1]) * context.dt_s * if shape > 0.0 { LEAST_SHARE.powf(shape) } else { 1.0 };
         Block::dynamic(Limit {

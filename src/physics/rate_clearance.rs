@@ -1,6 +1,7 @@
 //! A play before the curve whose size changes with the speed of the current.
 
 use super::block::{Arrival, Step};
+use super::reversal_dead_band::Play;
 use crate::valve::ReferenceCurves;
 
 /// The play at work.
@@ -9,8 +10,10 @@ pub(super) struct RateClearance {
     /// Mean slope of the curves [bar/A].
     slope: f64,
     arrival: Arrival,
-    /// The current that the spool has followed to [A], and the pressure on the curves there [bar].
-    position: (f64, f64),
+    /// The spool before the curves, by the current that it has followed to [A].
+    spool: Play,
+    /// Pressure on the curves there [bar].
+    followed_bar: f64,
     /// Current at the last sample [A], and the pressure on the curves there [bar].
     last: (f64, f64),
     /// What the play took of the pressure there [bar].
@@ -20,15 +23,16 @@ pub(super) struct RateClearance {
 impl RateClearance {
     /// Before these curves.
     pub fn before(curves: &ReferenceCurves, arrival: Arrival) -> Self {
-        let (low_a, high_a) = curves.range_a;
-        let slope = ((curves.average_at(high_a) - curves.average_at(low_a)) / (high_a - low_a)).abs().max(1e-9);
-        Self { curves: curves.clone(), slope, arrival, position: (0.0, 0.0), last: (0.0, 0.0), lost_bar: 0.0 }
+        let slope = curves.span_bar() / (curves.range_a.1 - curves.range_a.0);
+        let spool = Play { radius: 0.0, position: 0.0 };
+        Self { curves: curves.clone(), slope, arrival, spool, followed_bar: 0.0, last: (0.0, 0.0), lost_bar: 0.0 }
     }
 
     /// At rest at this current [A].
     pub fn start(&mut self, current_a: f64) {
         self.last = (current_a, self.curves.average_at(current_a));
-        (self.position, self.lost_bar) = (self.last, 0.0);
+        (self.spool.position, self.followed_bar) = self.last;
+        self.lost_bar = 0.0;
     }
 
     /// What the play takes of the pressure [bar] during the step to `current_a` [A]: `sizes`, half of its width over the mean slope of the
@@ -54,19 +58,17 @@ impl RateClearance {
     /// The spool follows to within the play; what that takes of the pressure [bar].
     #[inline]
     fn taken(&mut self, (current_a, pressure_bar): (f64, f64), size_bar: f64) -> f64 {
-        let radius_a = size_bar / self.slope;
-        let followed_a = self.position.0.max(current_a - radius_a).min(current_a + radius_a);
-        if followed_a != self.position.0 {
-            self.position = (followed_a, self.curves.average_at(followed_a));
+        let before_a = self.spool.position;
+        self.spool.radius = size_bar / self.slope;
+        if self.spool.follow(current_a) != before_a {
+            self.followed_bar = self.curves.average_at(self.spool.position);
         }
-        pressure_bar - self.position.1
+        pressure_bar - self.followed_bar
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::block::{Point, Pointwise};
-    use super::super::reversal_dead_band::Play;
     use super::*;
     use crate::valve::Polynomial;
 
@@ -86,7 +88,7 @@ mod tests {
         for k in 0..2000 {
             let current_a = 0.5 + 0.2 * (0.01 * f64::from(k)).sin() + 0.02 * (0.13 * f64::from(k)).sin();
             let lost_bar = clearance.step(current_a, [0.01 * SLOPE; 3]).to;
-            let expected_bar = SLOPE * (current_a - play.step(&Point::current(current_a), current_a));
+            let expected_bar = SLOPE * (current_a - play.follow(current_a));
             assert!((lost_bar - expected_bar).abs() < 1e-9, "{k}: {lost_bar} {expected_bar}");
         }
     }

@@ -228,13 +228,10 @@ impl Dynamic for Widening {
         let travel = at.current_a - self.last;
         self.last = at.current_a;
         let rates = self.felt(travel);
-        let mut lost = self.rubbed(travel, rates);
-        if self.clearance.is_some() {
-            let sizes = [rates.arriving, rates.gone, rates.to].map(|rate| self.size(rate));
-            if let Some((part, clearance)) = &mut self.clearance {
-                lost = lost.times(1.0 - *part).plus(clearance.step(at.current_a, sizes).times(*part));
-            }
-        }
+        let rubbed = self.rubbed(travel, rates);
+        let sizes = self.clearance.is_some().then(|| [rates.arriving, rates.gone, rates.to].map(|rate| self.size(rate)));
+        let crossed = self.clearance.as_mut().zip(sizes).map(|((part, clearance), sizes)| (*part, clearance.step(at.current_a, sizes)));
+        let lost = crossed.map_or(rubbed, |(part, crossed)| rubbed.times(1.0 - part).plus(crossed.times(part)));
         input.plus(lost.times(-1.0))
     }
 }

@@ -55,13 +55,21 @@ pub(super) struct Play {
     pub position: f64,
 }
 
+impl Play {
+    /// Where an input draws it.
+    #[inline]
+    pub fn follow(&mut self, input: f64) -> f64 {
+        self.position = self.position.max(input - self.radius).min(input + self.radius);
+        self.position
+    }
+}
+
 impl Pointwise for Play {
     fn start(&mut self, _: &Point, input: f64) {
         self.position = input;
     }
     #[inline]
     fn step(&mut self, _: &Point, input: f64) -> f64 {
-        self.position = self.position.max(input - self.radius).min(input + self.radius);
-        self.position
+        self.follow(input)
     }
 }

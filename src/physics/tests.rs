@@ -55,9 +55,9 @@ fn every_effect_is_documented_and_its_values_are_within_its_ranges() {
 fn every_effect_gives_the_same_pressure_whole_and_step_by_step() {
     let current = current();
     let time: Vec<f64> = (0..current.len()).map(|k| k as f64 * 0.01).collect();
-    for effect in EFFECTS {
-        let spec = specification(*effect, &first_starts(*effect));
-        let valve = valve(vec![spec]);
+    let beside = BESIDE.iter().map(|(id, theta)| (super::effect(id).unwrap(), theta.to_vec()));
+    for (effect, theta) in EFFECTS.iter().map(|effect| (*effect, first_starts(*effect))).chain(beside) {
+        let valve = valve(vec![specification(effect, &theta)]);
         let whole = simulate(&valve, Input::Held, &time, &current).unwrap();
         let mut plant = Plant::new(&valve, 0.01, current[0], None).unwrap();
         for (k, i) in current.iter().enumerate() {

@@ -84,6 +84,12 @@ impl ReferenceCurves {
         (self.descending_at(low), self.ascending_at(high))
     }
 
+    /// What the average of the curves rises over the valid range, never nothing [bar].
+    pub fn span_bar(&self) -> f64 {
+        let (low, high) = self.range_a;
+        (self.average_at(high) - self.average_at(low)).abs().max(1e-9)
+    }
+
     /// Slope of the extension below and above the valid range [bar/A].
     pub fn end_slopes_bar_per_a(&self) -> (f64, f64) {
         self.end_slopes

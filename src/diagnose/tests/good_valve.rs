@@ -34,6 +34,9 @@ fn what_the_good_valve_has_is_form_and_what_its_data_excludes_has_changed() {
     let changed = diagnose_against(&recording(&worn), &valve(), &reference).unwrap().diagnosis;
     let first = changed.effects.first().unwrap_or_else(|| panic!("{}", changed.summary));
     assert_eq!((first.id.as_str(), first.claim), ("reversal_dead_band", Claim::Changed), "{}", changed.summary);
+    // What only that data shows was none of the names that the search weighed.
+    let kept = changed.candidates.iter().filter(|c| c.rejected_because.is_none());
+    assert!(kept.clone().all(|c| changed.effects.iter().any(|e| e.id == c.id)), "{:?}", kept.collect::<Vec<_>>());
 
     // Without that data nothing is claimed to have changed, and a dead band may be the form of the loop.
     let alone = diagnose(&recording(&worn), &valve()).unwrap().diagnosis;
