@@ -93,13 +93,13 @@ fn drive() -> (Vec<f64>, Vec<f64>) {
 }
 
 /// What a valve with this effect would have shown, with a reproducible ripple in place of noise.
-fn recorded(id: &str, first: f64) -> Run {
+fn recorded(id: &str, first: f64, input: Input) -> Run {
     let (time_s, current_a) = drive();
     let effect = hil::physics::effect(id).expect("the library has the effect");
     let theta: Vec<f64> = effect.parameters().iter().map(|p| p.default.unwrap_or(first)).collect();
     let mut valve = calibrated();
     valve.effects.push(specification(effect, &theta));
-    let pressure = simulate(&valve, Input::Held, &time_s, &current_a).expect("the bench's drive can be simulated");
+    let pressure = simulate(&valve, input, &time_s, &current_a).expect("the bench's drive can be simulated");
     let noisy = pressure.iter().enumerate().map(|(k, p)| p + 0.04 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
     Run { time_s, current_a, pressure_bar: Some(noisy), ..Run::default() }
 }
@@ -133,7 +133,7 @@ fn effects(c: &mut Criterion) {
 /// starts, on a recording of a valve with a lag: fits per second on one core. Each is brought to its end, which the
 /// search spares candidates that show no promise.
 fn candidates(c: &mut Criterion) {
-    let recording = recording_of(recorded("first_order_lag", 0.05));
+    let recording = recording_of(recorded("first_order_lag", 0.05, Input::Held));
     let valve = calibrated();
     let course = course::Course::take(recording, &course::Preparation::default()).expect("the bench's recording has a command");
     let evidence = evidence::Evidence::of(course).expect("the bench's recording carries a diagnosis");
@@ -153,7 +153,7 @@ fn candidates(c: &mut Criterion) {
 fn plain_fits(c: &mut Criterion) {
     let mut group = group(c, "plain fit", 5);
     for (id, first) in PLAIN {
-        let run = recorded(id, first);
+        let run = recorded(id, first, Input::Ramp);
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{id}.csv"));
         recording_of(run.clone()).write(&path).expect("target/tmp can be written");
         let problem = Problem { valve: &calibrated(), effect: id, run: &run, step_s: STEP_S };
@@ -169,7 +169,7 @@ fn plain_fits(c: &mut Criterion) {
 
 /// A whole diagnosis on all cores.
 fn diagnosis(c: &mut Criterion) {
-    let recording = recording_of(recorded("first_order_lag", 0.05));
+    let recording = recording_of(recorded("first_order_lag", 0.05, Input::Held));
     let valve = calibrated();
     let mut group = group(c, "diagnose", 10);
     group.bench_function("120 s at 100 Hz, whole library", |b| b.iter(|| hil::diagnose::diagnose(black_box(&recording), &valve)));

@@ -60,7 +60,8 @@ impl Problem<'_> {
             lag_s: 0.0,
             floor_bar: self.valve.floor_bar,
             effects: vec![(effect, values)],
-            input: hil::valve::Input::Held,
+            // As SciPy's fit has it; a command that is held arrives at whole samples, and a delay between two changes nothing then.
+            input: hil::valve::Input::Ramp,
             most_inner: hil::physics::MOST_INNER,
         };
         let (mut work, mut pressure) = (Vec::new(), Vec::new());

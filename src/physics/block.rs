@@ -34,6 +34,12 @@ impl Step {
         Self { to: self.to + other.to, mean: self.mean + other.mean, jump: self.jump + other.jump }
     }
 
+    /// This less another signal.
+    #[inline]
+    pub fn minus(self, other: Self) -> Self {
+        Self { to: self.to - other.to, mean: self.mean - other.mean, jump: self.jump - other.jump }
+    }
+
     /// From the value at the sample before: held until the command arrives, or on a straight line.
     #[inline]
     pub fn arriving(from: f64, to: f64, arrival: Arrival) -> Self {

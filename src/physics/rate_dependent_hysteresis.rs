@@ -90,7 +90,7 @@ impl Effect for RateDependentHysteresis {
     }
     fn block(&self, theta: Theta<'_>, context: &Context) -> Block {
         let ratio = context.dt_s / theta[3];
-        Block::dynamic(Widening {
+        let friction = Friction {
             width: theta[0],
             power: Power::new(theta[1]),
             slow: REST_A_S.powf(theta[1] - 1.0),
@@ -105,11 +105,15 @@ impl Effect for RateDependentHysteresis {
                 Arrival::Held { left } => [(-(1.0 - left) * ratio).exp(), (-left * ratio).exp()],
                 Arrival::Ramp => [(-ratio).exp(), 1.0],
             },
-            clearance: (theta[4] > 0.0).then(|| (theta[4], RateClearance::before(context.curves, context.arrival))),
             rate: 0.0,
             last: 0.0,
             lost: 0.0,
-        })
+        };
+        let part = theta[4];
+        if part == 0.0 {
+            return Block::dynamic(friction);
+        }
+        Block::dynamic(PartlyPlay { part, friction, play: RateClearance::before(context.curves, context.arrival) })
     }
 }
 
@@ -118,7 +122,8 @@ const REST_A_S: f64 = 1e-3;
 /// Parts of a travel over which the friction builds up.
 const PARTS: u32 = 4;
 
-struct Widening {
+/// All of the widening is friction.
+struct Friction {
     width: f64,
     power: Power,
     slow: f64,
@@ -132,8 +137,6 @@ struct Widening {
     per_step: f64,
     /// What is left of the rate at the jump of what was there before the step, and at the sample of what the jump left.
     decay: [f64; 2],
-    /// The play, and the part of the widening that it is.
-    clearance: Option<(f64, RateClearance)>,
     /// Smoothed rate [A/s].
     rate: f64,
     last: f64,
@@ -141,7 +144,7 @@ struct Widening {
     lost: f64,
 }
 
-impl Widening {
+impl Friction {
     /// Size of the lost pressure towards which friction goes at this rate [bar].
     #[inline]
     fn size(&self, rate: f64) -> f64 {
@@ -171,22 +174,24 @@ impl Widening {
         })
     }
 
-    /// The smoothed rate during a step with this travel [A].
+    /// The travel [A] of a step to this current, and the smoothed rate meanwhile.
     #[inline]
-    fn felt(&mut self, travel: f64) -> Rates {
+    fn felt(&mut self, current_a: f64) -> (f64, Rates) {
+        let travel = current_a - self.last;
+        self.last = current_a;
         let arriving = self.rate * self.decay[0];
-        match self.arrival {
+        let rates = match self.arrival {
             Arrival::Held { .. } => {
                 let gone = arriving + travel * self.per_memory;
-                self.rate = gone * self.decay[1];
-                Rates { arriving, gone, to: self.rate }
+                Rates { arriving, gone, to: gone * self.decay[1] }
             }
             Arrival::Ramp => {
-                let from = self.rate;
-                self.rate = arriving + travel * self.per_step * (1.0 - self.decay[0]);
-                Rates { arriving: from, gone: self.rate, to: self.rate }
+                let to = arriving + travel * self.per_step * (1.0 - self.decay[0]);
+                Rates { arriving: self.rate, gone: to, to }
             }
-        }
+        };
+        self.rate = rates.to;
+        (travel, rates)
     }
 
     /// What friction takes of the pressure during a step with this travel [A].
@@ -216,22 +221,34 @@ struct Rates {
     to: f64,
 }
 
-impl Dynamic for Widening {
+impl Dynamic for Friction {
     fn start(&mut self, at: &Point, _: f64) {
         (self.last, self.rate, self.lost) = (at.current_a, 0.0, 0.0);
-        if let Some((_, clearance)) = &mut self.clearance {
-            clearance.start(at.current_a);
-        }
     }
     #[inline]
     fn step(&mut self, at: &Point, _: f64, input: Step) -> Step {
-        let travel = at.current_a - self.last;
-        self.last = at.current_a;
-        let rates = self.felt(travel);
-        let rubbed = self.rubbed(travel, rates);
-        let sizes = self.clearance.is_some().then(|| [rates.arriving, rates.gone, rates.to].map(|rate| self.size(rate)));
-        let crossed = self.clearance.as_mut().zip(sizes).map(|((part, clearance), sizes)| (*part, clearance.step(at.current_a, sizes)));
-        let lost = crossed.map_or(rubbed, |(part, crossed)| rubbed.times(1.0 - part).plus(crossed.times(part)));
-        input.plus(lost.times(-1.0))
+        let (travel, rates) = self.felt(at.current_a);
+        input.minus(self.rubbed(travel, rates))
+    }
+}
+
+/// A part of the widening is a play before the curve, the rest is friction.
+struct PartlyPlay {
+    part: f64,
+    friction: Friction,
+    play: RateClearance,
+}
+
+impl Dynamic for PartlyPlay {
+    fn start(&mut self, at: &Point, input: f64) {
+        self.friction.start(at, input);
+        self.play.start(at.current_a);
+    }
+    #[inline]
+    fn step(&mut self, at: &Point, _: f64, input: Step) -> Step {
+        let (travel, rates) = self.friction.felt(at.current_a);
+        let rubbed = self.friction.rubbed(travel, rates);
+        let crossed = self.play.step(at.current_a, [rates.arriving, rates.gone, rates.to].map(|rate| self.friction.size(rate)));
+        input.minus(rubbed.times(1.0 - self.part).plus(crossed.times(self.part)))
     }
 }

@@ -57,6 +57,25 @@ impl ReferenceCurves {
         self.extended(&self.descending, current_a)
     }
 
+    /// What a rising and what a falling current approach at each of these currents [bar]: [`Self::ascending_at`] and
+    /// [`Self::descending_at`], for several currents at once.
+    pub fn both_at<const COUNT: usize>(&self, current_a: &[f64; COUNT]) -> [[f64; COUNT]; 2] {
+        let inside = current_a.map(|i| i.clamp(self.range_a.0, self.range_a.1));
+        [&self.ascending, &self.descending].map(|curve| {
+            let mut out = [0.0; COUNT];
+            for c in &curve.coefficients {
+                for k in 0..COUNT {
+                    out[k] = out[k] * inside[k] + c;
+                }
+            }
+            for k in 0..COUNT {
+                let slope = if current_a[k] < inside[k] { self.end_slopes.0 } else { self.end_slopes.1 };
+                out[k] += slope * (current_a[k] - inside[k]);
+            }
+            out
+        })
+    }
+
     /// The average model, Eq. (10) [bar].
     #[inline]
     pub fn average_at(&self, current_a: f64) -> f64 {

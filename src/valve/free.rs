@@ -20,6 +20,8 @@ pub const MOST_PLAYS: usize = 8;
 /// Widest play [half-widths of the loop].
 pub const WIDEST_PLAY: f64 = 64.0;
 
+/// Currents at which the curves are read at once.
+const AT_ONCE: usize = 64;
 /// How far the inverse looks at first [A].
 const FIRST_STEP_A: f64 = 1e-3;
 /// How often it looks farther, before it gives up at 10^16 A.
@@ -72,8 +74,17 @@ impl FreeLoop {
     pub fn run(&self, curves: &ReferenceCurves, place: f64, current_a: &[f64], pressure_bar: &mut [f64]) {
         let Some(first) = current_a.first() else { return };
         let mut state = FreeState::start(*self, curves, *first, place);
-        for (i, p) in current_a.iter().zip(pressure_bar) {
-            *p = state.advance(curves, *i);
+        let mut at_a = [*first; AT_ONCE];
+        for (current_a, pressure_bar) in current_a.chunks(AT_ONCE).zip(pressure_bar.chunks_mut(AT_ONCE)) {
+            if current_a.iter().all(|i| *i == state.current_a) {
+                pressure_bar.fill(state.pressure_bar);
+                continue;
+            }
+            at_a[..current_a.len()].copy_from_slice(current_a);
+            let [low_bar, high_bar] = curves.both_at(&at_a);
+            for (k, (i, p)) in current_a.iter().zip(pressure_bar).enumerate() {
+                *p = state.advance_between(*i, || (low_bar[k], high_bar[k]));
+            }
         }
     }
 }
@@ -90,7 +101,7 @@ pub struct FreeState {
 impl FreeState {
     /// Starts at a current, at `place` between the curves: -1 on the ascending, 1 on the descending one.
     pub fn start(stack: FreeLoop, curves: &ReferenceCurves, current_a: f64, place: f64) -> Self {
-        let (mean, half) = mean_and_half(curves, current_a);
+        let (mean, half) = mean_and_half((curves.ascending_at(current_a), curves.descending_at(current_a)));
         let place = place.clamp(-1.0, 1.0);
         let plays_bar = stack.half_widths.map(|r| mean + place * r * half);
         Self { stack, plays_bar, current_a, pressure_bar: mean + place * half }
@@ -99,17 +110,27 @@ impl FreeState {
     /// The pressure after the current has moved monotonically to `current_a` [bar].
     #[inline]
     pub fn advance(&mut self, curves: &ReferenceCurves, current_a: f64) -> f64 {
+        self.advance_between(current_a, || (curves.ascending_at(current_a), curves.descending_at(current_a)))
+    }
+
+    /// The same, where the curves give what is asked for there [bar].
+    #[inline]
+    fn advance_between(&mut self, current_a: f64, curves_bar: impl FnOnce() -> (f64, f64)) -> f64 {
         if current_a == self.current_a || current_a.is_nan() {
             return self.pressure_bar;
         }
-        let (mean, half) = mean_and_half(curves, current_a);
-        let mut sum = 0.0;
-        for k in 0..self.stack.count {
-            let reach = self.stack.half_widths[k] * half;
-            let z = self.plays_bar[k].max(mean - reach).min(mean + reach);
-            self.plays_bar[k] = z;
-            sum += self.stack.weights[k] * z;
-        }
+        let (mean, half) = mean_and_half(curves_bar());
+        // All that a stack may have, side by side: what is not there weighs nothing. A plain comparison is one instruction for several
+        // plays, which `max` is not, as it asks for NaN.
+        let FreeLoop { half_widths, weights, .. } = &self.stack;
+        let weighed_bar: [f64; MOST_PLAYS] = std::array::from_fn(|k| {
+            let (reach, z) = (half_widths[k] * half, self.plays_bar[k]);
+            let (low, high) = (mean - reach, mean + reach);
+            let z = if z > low { z } else { low };
+            self.plays_bar[k] = if z < high { z } else { high };
+            weights[k] * self.plays_bar[k]
+        });
+        let sum = weighed_bar.iter().sum();
         (self.current_a, self.pressure_bar) = (current_a, sum);
         sum
     }
@@ -147,8 +168,7 @@ impl FreeState {
 }
 
 #[inline]
-fn mean_and_half(curves: &ReferenceCurves, current_a: f64) -> (f64, f64) {
-    let (low, high) = (curves.ascending_at(current_a), curves.descending_at(current_a));
+fn mean_and_half((low, high): (f64, f64)) -> (f64, f64) {
     (0.5 * (low + high), (0.5 * (high - low)).max(0.0))
 }
 
