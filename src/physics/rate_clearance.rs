@@ -4,41 +4,9 @@ use super::block::{Arrival, Step};
 use super::reversal_dead_band::Play;
 use crate::valve::ReferenceCurves;
 
-/// Stretches of the table of the curves.
-const STRETCHES: usize = 512;
-
-/// The average of the curves as a table with straight lines between, exact to a thousandth of a bar: the play asks for it several times
-/// a step.
-struct Average {
-    curves: ReferenceCurves,
-    /// Stretches per ampere.
-    per_a: f64,
-    pressure_bar: [f64; STRETCHES + 1],
-}
-
-impl Average {
-    fn of(curves: &ReferenceCurves) -> Self {
-        let (low_a, high_a) = curves.range_a;
-        let at = |k: usize| low_a + (high_a - low_a) * k as f64 / STRETCHES as f64;
-        let pressure_bar = std::array::from_fn(|k| curves.average_at(at(k)));
-        Self { curves: curves.clone(), per_a: STRETCHES as f64 / (high_a - low_a), pressure_bar }
-    }
-
-    /// Pressure at this current [bar].
-    #[inline]
-    fn at(&self, current_a: f64) -> f64 {
-        let place = (current_a - self.curves.range_a.0) * self.per_a;
-        if !(0.0..STRETCHES as f64).contains(&place) {
-            return self.curves.average_at(current_a);
-        }
-        let k = place as usize;
-        self.pressure_bar[k] + (place - k as f64) * (self.pressure_bar[k + 1] - self.pressure_bar[k])
-    }
-}
-
 /// The play at work.
 pub(super) struct RateClearance {
-    average: Average,
+    curves: ReferenceCurves,
     /// Mean slope of the curves [bar/A].
     slope: f64,
     arrival: Arrival,
@@ -57,12 +25,12 @@ impl RateClearance {
     pub fn before(curves: &ReferenceCurves, arrival: Arrival) -> Self {
         let slope = curves.span_bar() / (curves.range_a.1 - curves.range_a.0);
         let spool = Play { radius: 0.0, position: 0.0 };
-        Self { average: Average::of(curves), slope, arrival, spool, followed_bar: 0.0, last: (0.0, 0.0), lost_bar: 0.0 }
+        Self { curves: curves.clone(), slope, arrival, spool, followed_bar: 0.0, last: (0.0, 0.0), lost_bar: 0.0 }
     }
 
     /// At rest at this current [A].
     pub fn start(&mut self, current_a: f64) {
-        self.last = (current_a, self.average.at(current_a));
+        self.last = (current_a, self.curves.average_at(current_a));
         (self.spool.position, self.followed_bar) = self.last;
         self.lost_bar = 0.0;
     }
@@ -72,7 +40,7 @@ impl RateClearance {
     #[inline]
     pub fn step(&mut self, current_a: f64, sizes: [f64; 3]) -> Step {
         let before = self.lost_bar;
-        let now = if current_a == self.last.0 { self.last } else { (current_a, self.average.at(current_a)) };
+        let now = if current_a == self.last.0 { self.last } else { (current_a, self.curves.average_at(current_a)) };
         let lost = match self.arrival {
             Arrival::Held { left } => {
                 let ends = self.taken(self.last, sizes[0]);
@@ -93,7 +61,7 @@ impl RateClearance {
         let before_a = self.spool.position;
         self.spool.radius = size_bar / self.slope;
         if self.spool.follow(current_a) != before_a {
-            self.followed_bar = self.average.at(self.spool.position);
+            self.followed_bar = self.curves.average_at(self.spool.position);
         }
         pressure_bar - self.followed_bar
     }
@@ -111,17 +79,6 @@ mod tests {
         let mut clearance = RateClearance::before(&ReferenceCurves::on_range(line(), line(), (0.0, 1.0)), arrival);
         clearance.start(0.5);
         clearance
-    }
-
-    #[test]
-    fn the_average_is_that_of_the_curves() {
-        let curves = crate::valve::Valve::from_toml(include_str!("../../valves/paper.toml"), "paper").unwrap().curves;
-        let average = Average::of(&curves);
-        for k in -200..1400 {
-            let current_a = 1.003e-3 * f64::from(k);
-            let (given, exact) = (average.at(current_a), curves.average_at(current_a));
-            assert!((given - exact).abs() < 1e-3, "{current_a}: {given} {exact}");
-        }
     }
 
     #[test]

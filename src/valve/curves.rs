@@ -58,9 +58,9 @@ impl ReferenceCurves {
     }
 
     /// What a rising and what a falling current approach at each of these currents [bar]: [`Self::ascending_at`] and
-    /// [`Self::descending_at`], for several currents at once.
+    /// [`Self::descending_at`], to the last bit, for several currents at once.
     pub fn both_at<const COUNT: usize>(&self, current_a: &[f64; COUNT]) -> [[f64; COUNT]; 2] {
-        let inside = current_a.map(|i| i.clamp(self.range_a.0, self.range_a.1));
+        let inside = current_a.map(|i| self.inside(i));
         [&self.ascending, &self.descending].map(|curve| {
             let mut out = [0.0; COUNT];
             for c in &curve.coefficients {
@@ -69,8 +69,7 @@ impl ReferenceCurves {
                 }
             }
             for k in 0..COUNT {
-                let slope = if current_a[k] < inside[k] { self.end_slopes.0 } else { self.end_slopes.1 };
-                out[k] += slope * (current_a[k] - inside[k]);
+                out[k] += self.beyond(current_a[k], inside[k]);
             }
             out
         })
@@ -116,9 +115,21 @@ impl ReferenceCurves {
 
     #[inline]
     fn extended(&self, curve: &Polynomial, current_a: f64) -> f64 {
-        let inside = current_a.clamp(self.range_a.0, self.range_a.1);
-        let slope = if current_a < inside { self.end_slopes.0 } else { self.end_slopes.1 };
-        curve.eval(inside) + slope * (current_a - inside)
+        let inside = self.inside(current_a);
+        curve.eval(inside) + self.beyond(current_a, inside)
+    }
+
+    /// The nearest current of the range [A].
+    #[inline]
+    fn inside(&self, current_a: f64) -> f64 {
+        current_a.clamp(self.range_a.0, self.range_a.1)
+    }
+
+    /// What the straight line from there adds outside of it [bar].
+    #[inline]
+    fn beyond(&self, current_a: f64, inside_a: f64) -> f64 {
+        let slope = if current_a < inside_a { self.end_slopes.0 } else { self.end_slopes.1 };
+        slope * (current_a - inside_a)
     }
 
     /// Newton's method inside a bracket, falling back to bisection; beyond the range the extension is linear.
@@ -203,6 +214,16 @@ pub(super) mod tests {
     fn curves_that_never_rise_together_are_refused() {
         let error = ReferenceCurves::new(Polynomial::new([-1.0, 0.0]), Polynomial::new([1.0, 0.0]), (0.0, 1.0)).unwrap_err();
         assert!(error.to_string().contains("nowhere between 0 A and 1 A"), "{error}");
+    }
+
+    #[test]
+    fn several_currents_at_once_give_what_each_gives_alone() {
+        let curves = paper();
+        let current_a: [f64; 64] = std::array::from_fn(|k| 0.02 * k as f64 - 0.1);
+        let [ascending, descending] = curves.both_at(&current_a);
+        assert_eq!((ascending, descending), (current_a.map(|i| curves.ascending_at(i)), current_a.map(|i| curves.descending_at(i))));
+        let none = curves.both_at(&[f64::NAN]);
+        assert!(none.iter().flatten().all(|p| p.is_nan()), "{none:?}");
     }
 
     #[test]

@@ -197,6 +197,21 @@ mod tests {
             }
         }
 
+        /// Rests, of which some last long, and currents that are missing among them.
+        #[test]
+        fn a_whole_current_gives_what_its_samples_give(holds in prop::collection::vec((0usize..12, 1usize..150), 1..20), place in -1.0f64..1.0) {
+            let level = |k: usize| if k == 0 { f64::NAN } else { 0.1 * k as f64 };
+            let first = (0.4, 1);
+            let path: Vec<f64> = std::iter::once(first)
+                .chain(holds.into_iter().map(|(k, count)| (level(k), count)))
+                .flat_map(|(i, count)| std::iter::repeat_n(i, count))
+                .collect();
+            let c = paper();
+            let mut state = FreeState::start(stack(), &c, path[0], place);
+            let each: Vec<f64> = path.iter().map(|i| state.advance(&c, *i)).collect();
+            prop_assert_eq!(run(&path, place), each);
+        }
+
         #[test]
         fn the_sampling_of_a_monotone_stretch_does_not_matter(from in 0.06f64..0.5, to in 0.5f64..1.0, n in 2usize..50) {
             let fine: Vec<f64> = (0..=n).map(|k| from + (to - from) * k as f64 / n as f64).collect();
