@@ -282,7 +282,11 @@ impl Fitter<'_> {
         let count = fit.model.effects.last().map_or(0, |e| e.parameters().len());
         for j in (0..count).rev() {
             let Some(simpler) = fit.model.holding(j) else { continue };
-            let less = self.polish(&simpler, &fit.theta, 4);
+            // Also from the calibration: the base may have moved for what goes.
+            let mut calibrated = fit.theta.clone();
+            calibrated[..BASE].copy_from_slice(&simpler.calibrated());
+            let [less, other] = [&fit.theta, &calibrated].map(|theta| self.polish(&simpler, theta, 4));
+            let less = if self.objective(&other) < self.objective(&less) { other } else { less };
             if less.bic(effective) < fit.bic(effective) {
                 fit = less;
             }
