@@ -121,9 +121,10 @@ impl Findings<'_, '_> {
     }
 
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
-    /// it, or that there are few such readings: the valve does not stand then as it did. Data that does not vouch for the model says so
-    /// only of what is far off. `base_bar`, `refit_bar`: the pressure of the model as given and recalibrated.
-    pub fn stands_apart(&self, base_bar: &[f64], refit_bar: &[f64]) -> bool {
+    /// it, or another form of the loop where a recalibration is denied as well, or that there are few such readings: the valve does not
+    /// stand then as it did. Data that does not vouch for the model says so only of what is far off. `base_bar`, `other_bar`: the pressure
+    /// of the model as given, and of the model recalibrated and as chosen.
+    pub fn stands_apart(&self, base_bar: &[f64], other_bar: [&[f64]; 2]) -> bool {
         let Some(good) = self.good else { return false };
         let criteria = &self.fitter.criteria;
         let (over_all, in_class) = self.beyond(good);
@@ -132,7 +133,7 @@ impl Findings<'_, '_> {
         let hides = || {
             let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
             let off_bar = |simulated_bar: &[f64]| self.off_bar(self.residual(simulated_bar));
-            off_bar(corrected.as_deref().unwrap_or(base_bar)) > criteria.structure_named * off_bar(refit_bar)
+            is_hidden(criteria, off_bar(corrected.as_deref().unwrap_or(base_bar)), other_bar.map(off_bar))
         };
         self.is_another_state(good, (over_all, in_class))
             && (!good.is_denied() || over_all > criteria.structure)
@@ -170,13 +171,14 @@ impl Findings<'_, '_> {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
         let Some(good) = good.filter(|good| !self.shows_where_unseen(good, without, effect.imitates_form())) else { return Claim::Lacks };
-        // A loop whose form had to be corrected by the same effect already has changed its form only on paper.
-        if effect.imitates_form() && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
+        let criteria = &self.fitter.criteria;
+        let is_denied = criteria.denies(without.prior_nats - chosen.prior_nats);
+        // A loop whose form had to be corrected by the same effect already has changed its form only on paper, unless the record would need
+        // a calibration besides that the same data denies.
+        if effect.imitates_form() && !is_denied && good.corrections.iter().any(|c| c.effect.id() == effect.id()) {
             return Claim::Lacks;
         }
         // Nor has one whose form is no farther off on the record than a good valve's may be.
-        let criteria = &self.fitter.criteria;
-        let is_denied = criteria.denies(without.prior_nats - chosen.prior_nats);
         let is_sole = self.weighed[k].share >= criteria.credible && self.weighed[k].rest.is_empty();
         let may_be_off = form_may_be_off(criteria, self.farther(good).0, is_denied, is_sole);
         if effect.imitates_form() && without.rmse_bar < may_be_off * self.fitter.floor_bar {
@@ -223,9 +225,20 @@ fn stands_in(criteria: &Criteria, (null, chosen): (f64, f64), beyond: f64) -> bo
     criteria.denies(null - chosen) && !criteria.denies(chosen) && beyond >= criteria.structure_known
 }
 
+/// Whether an error of the model as given is one no more once it is recalibrated, or has another form [bar].
+fn is_hidden(criteria: &Criteria, given_bar: f64, other_bar: [f64; 2]) -> bool {
+    given_bar > criteria.structure_named * other_bar[0].min(other_bar[1])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_is_hidden_by_a_recalibration_or_by_another_form() {
+        let hides = |other_bar: [f64; 2]| is_hidden(&Criteria::default(), 1.8, other_bar);
+        assert!(hides([0.3, 0.3]) && hides([1.8, 0.8]) && !hides([1.8, 1.7]));
+    }
 
     #[test]
     fn only_a_denied_calibration_lets_a_form_that_is_off_as_from_drive_to_drive_have_changed() {

@@ -126,9 +126,13 @@ impl<'a> Findings<'_, 'a> {
         form.extend(self.good.into_iter().flat_map(|g| g.corrections.iter().map(|c| c.finding(&g.names))));
 
         // Readings that were left out, but that no named cause has spoilt, are part of what is left.
-        let mut counted = self.settled(&measured_all);
+        let mut counted = measured_all.clone();
         mask(self.scattered, &mut counted);
-        let residual: Vec<f64> = counted.iter().zip(&augmented_bar).map(|(y, p)| y - p).collect();
+        let residual = if effects.is_empty() {
+            self.residual_settled(&counted, &augmented_bar)
+        } else {
+            self.off_from_any_start(&counted, &augmented_bar)
+        };
         let standardised = self.standardised(&residual);
         let block = blocks(fitter);
         let allowed_bar = (self.noise_bar(), self.accuracy_bar(!effects.is_empty()));
@@ -138,17 +142,16 @@ impl<'a> Findings<'_, 'a> {
             remainder(evidence, (standardised, &weighed), simulated_bar, &block, allowed_bar)
         };
         let mut unexplained = left(&standardised, &augmented_bar, allowed_bar);
-        let stands_apart = effects.is_empty() && unexplained.is_none() && self.stands_apart(&base_bar, &refit_bar);
+        let stands_apart = effects.is_empty() && unexplained.is_none() && self.stands_apart(&base_bar, [&refit_bar, &augmented_bar]);
         if stands_apart {
-            let residual: Vec<f64> = counted.iter().zip(&base_bar).map(|(y, p)| y - p).collect();
+            let residual = self.residual_settled(&counted, &base_bar);
             unexplained = left(&self.standardised(&residual), &base_bar, (self.noise_bar(), 0.0));
         }
         // A cause may be right and yet no model follows what it does, or the record tells too little of it: on the readings of the
         // printed error, and as far as the record says on other drives, the promise has to be kept.
         let mut other_drives = (!effects.is_empty() && unexplained.is_none()).then(|| self.foreseen(curvature.as_ref())).flatten();
         let followed_bar = || {
-            let mut all = self.settled(&measured_all);
-            all.iter_mut().zip(&augmented_bar).for_each(|(y, p)| *y -= p);
+            let mut all = self.residual_settled(&measured_all, &augmented_bar);
             fitter.weigh(&mut all);
             rms(&all).max(chosen_held.weighed_bar())
         };
@@ -248,7 +251,11 @@ impl<'a> Findings<'_, 'a> {
         };
         diagnosis.summary = super::words::summary(&diagnosis);
         if stands_apart {
-            diagnosis.summary = format!("{} {}", diagnosis.summary, super::words::stands_apart(&diagnosis.recalibration));
+            diagnosis.summary = format!(
+                "{} {}",
+                diagnosis.summary,
+                super::words::stands_apart(&diagnosis.recalibration, !search.chosen.model.effects.is_empty())
+            );
         }
         let curves = Curves { base_bar, refit_bar, augmented_bar, runner_up_bar, ..Curves::along(evidence) };
         let open = self.open(&diagnosis);
@@ -258,33 +265,6 @@ impl<'a> Findings<'_, 'a> {
         }
         let recalibration = evidence.base.as_ref().map(|foreign| foreign.recalibration(&theta));
         Diagnosed { diagnosis, augmented, curves, open, recalibration, stands_apart }
-    }
-
-    /// All readings but those before the valve has settled from where it stood; these are NaN.
-    fn settled(&self, readings: &[f64]) -> Vec<f64> {
-        let mut out = readings.to_vec();
-        self.unsettled.iter().for_each(|k| out[*k] = f64::NAN);
-        out
-    }
-
-    /// RMSE of a held-out residual with the masked readings counted against the model again.
-    fn with_masked(&self, held: &HeldOut, measured: &[f64], simulated: &[f64]) -> f64 {
-        let full: Vec<f64> =
-            held.residual.iter().zip(measured).zip(simulated).map(|((e, y), p)| if e.is_finite() { *e } else { y - p }).collect();
-        rms(&full)
-    }
-
-    /// The residual with the scatter that was found taken out: each sample over its own standard deviation, times
-    /// that of the noise.
-    fn standardised(&self, residual: &[f64]) -> Vec<f64> {
-        let noise = self.fitter.evidence.noise_bar;
-        let mut variance = vec![noise * noise; residual.len()];
-        for s in self.scattered {
-            for (v, spread) in variance.iter_mut().zip(&s.finding.spread_bar) {
-                *v += spread * spread;
-            }
-        }
-        residual.iter().zip(variance).map(|(e, v)| e * noise / v.sqrt()).collect()
     }
 
     /// Pressure of the model as given [bar].
@@ -300,14 +280,16 @@ impl<'a> Findings<'_, 'a> {
     }
 
     /// The model as data of the good valve has corrected it, with its pressure [bar], where this record, which the corrections have
-    /// not seen, confirms them against the model as given.
+    /// not seen, confirms them against the model as given: beyond the chance of its blocks.
     pub fn corrected(&self, as_given_bar: &[f64]) -> Option<(Valve, Vec<f64>)> {
         self.good.filter(|good| !good.corrections.is_empty() && self.fitter.evidence.base.is_none())?;
         let theta = self.base.calibrated();
         let mut pressure_bar = Vec::new();
         Simulator::starting_at(self.fitter.evidence, MIDDLE).pressure(self.base, &theta, &mut pressure_bar);
-        let better = rms(&self.residual(&pressure_bar)) < rms(&self.residual(as_given_bar));
-        better.then(|| (self.base.valve.clone(), pressure_bar))
+        let block = blocks(self.fitter);
+        let [corrected, given] = [&pressure_bar, as_given_bar].map(|p: &[f64]| HeldOut::plain(self.residual(p), block.clone()));
+        let is_confirmed = corrected.gain_over(&given).1.is_some_and(|interval| interval.0 > 0.0);
+        is_confirmed.then(|| (self.base.valve.clone(), pressure_bar))
     }
 
     /// The second best candidate of the first round that led to an effect.

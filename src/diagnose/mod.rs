@@ -45,6 +45,7 @@ mod profile;
 mod recall;
 mod remainder;
 mod remembered;
+mod residuals;
 mod rival;
 mod round;
 mod scatter;

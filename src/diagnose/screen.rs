@@ -33,7 +33,7 @@ const LATER: (usize, usize) = (4, 2);
 /// Of those from a base that gives back what the effect delays, so many besides.
 const GIVEN_BACK: usize = 2;
 
-/// A start of an effect, in proportion to what the incumbent leaves.
+/// A start of an effect, in proportion to what the model without it leaves.
 pub struct Proportioned {
     /// Its values.
     pub values: Vec<f64>,
@@ -71,26 +71,28 @@ impl Fitter<'_> {
         let effort = if held == 0 { FIRST } else { LATER };
         let mut simulator = Simulator::new(self.evidence);
         let mut residual = Vec::new();
-        // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back.
+        // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back, and is missing there.
         let mut calibrated = incumbent.theta.clone();
         calibrated[..BASE].copy_from_slice(&model.calibrated());
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
+        let calibrated = self.score(&mut simulator, &incumbent.model, &clamped(&incumbent.model.free(), &calibrated), &mut residual);
         let (mut tried, mut given_back): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
-        let starts = self.in_proportion(&mut simulator, model, incumbent, starts);
-        let starts = self.living(&mut simulator, model, incumbent, starts);
         // A loop that widens looks late as well.
         let of_course = !model.effects[held].imitates_form();
-        for Proportioned { values, later_s, .. } in &starts {
-            let mut from = |base: &[f64]| {
-                let theta = [base, values.as_slice()].concat();
-                self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual)
-            };
-            tried.extend([&incumbent.theta, &calibrated].map(|base| from(base)));
-            if of_course && later_s.abs() > CALIBRATION.late * model.slowness {
-                let mut base = incumbent.theta.clone();
-                base[AT.late] += later_s;
-                base[AT.lag] = base[AT.lag].min(base[AT.late]);
-                given_back.push(from(&base));
+        for (beside, is_incumbent) in [(incumbent, true), (&calibrated, false)] {
+            let starts = self.in_proportion(&mut simulator, model, beside, starts);
+            for Proportioned { values, later_s, .. } in self.living(&mut simulator, model, beside, starts) {
+                let mut from = |base: &[f64]| {
+                    let theta = [base, values.as_slice()].concat();
+                    self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual)
+                };
+                tried.push(from(&beside.theta));
+                if is_incumbent && of_course && later_s.abs() > CALIBRATION.late * model.slowness {
+                    let mut base = incumbent.theta.clone();
+                    base[AT.late] += later_s;
+                    base[AT.lag] = base[AT.lag].min(base[AT.late]);
+                    given_back.push(from(&base));
+                }
             }
         }
         let order = |a: &Fit<'_>, b: &Fit<'_>| self.objective(a).total_cmp(&self.objective(b));

@@ -46,13 +46,14 @@ pub fn rejected(id: &str, bic: f64, effects: &[Finding], overwhelming: f64) -> S
     }
 }
 
-/// What is said where a recalibration hides that the valve stands apart from its own good data.
-pub fn stands_apart(moved: &[Change]) -> String {
+/// What is said where a recalibration, or another form of the loop beside it, hides that the valve stands apart from its own good data.
+pub fn stands_apart(moved: &[Change], beside_form: bool) -> String {
     let moved: Vec<String> =
         moved.iter().map(|c| format!("{} {} instead of {}", c.parameter, figure(c.after, &c.unit), figure(c.before, &c.unit))).collect();
     let by = if moved.is_empty() { String::new() } else { format!(" ({})", moved.join(", ")) };
+    let what = if beside_form { "Another form of the loop and a recalibration" } else { "A recalibration" };
     format!(
-        "A recalibration would hide it{by}, but data of the good valve allows none of that size: something has moved the valve, its sensor or its current, and this record does not tell which."
+        "{what} would hide it{by}, but data of the good valve allows none of that size: something has moved the valve, its sensor or its current, and this record does not tell which."
     )
 }
 

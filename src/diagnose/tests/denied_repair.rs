@@ -69,3 +69,17 @@ fn what_stands_in_the_place_of_a_denied_recalibration_has_changed_however_small_
         assert_eq!((healthy.verdict, healthy.effects.len()), (Verdict::Match, 0), "seed {seed}: {}", healthy.summary);
     }
 }
+
+/// The model has the same effect from data of the good valve already, a tenth of it: nothing was named.
+#[test]
+fn a_form_that_the_good_valve_has_in_small_has_changed_where_it_stands_for_a_denied_recalibration() {
+    let widens = |width: f64| {
+        let mut valve = valve();
+        valve.effects.push(specification(effect("rate_dependent_hysteresis").unwrap(), &[width, 0.5, 0.0, 0.05, 0.0]));
+        valve
+    };
+    let good = driven(&widens(0.4), (0.1, 0.9), (30.0, 0.02), 2);
+    let d = diagnose_against(&driven(&widens(4.0), (0.1, 0.9), (30.0, 0.02), 1), &valve(), &[good]).unwrap().diagnosis;
+    let first = d.effects.first().unwrap_or_else(|| panic!("{}", d.summary));
+    assert_eq!((first.id.as_str(), first.claim), ("rate_dependent_hysteresis", Claim::Changed), "{}", d.summary);
+}
