@@ -122,19 +122,16 @@ impl Findings<'_, '_> {
 
     /// Whether the record is off the model, as data of the good valve has it, by more than that data allows, and a recalibration hides
     /// it, or another form of the loop where a recalibration is denied as well, or that there are few such readings: the valve does not
-    /// stand then as it did. Data that does not vouch for the model says so only of what is far off. `base_bar`, `other_bar`: the pressure
-    /// of the model as given, and of the model recalibrated and as chosen.
-    pub fn stands_apart(&self, base_bar: &[f64], other_bar: [&[f64]; 2]) -> bool {
+    /// stand then as it did. Data that does not vouch for the model says so only of what is far off. `known_bar`, `other_bar`: the pressure
+    /// of the model as given or corrected by data of the good valve, and of the model recalibrated and as chosen.
+    pub fn stands_apart(&self, known_bar: &[f64], other_bar: [&[f64]; 2]) -> bool {
         let Some(good) = self.good else { return false };
         let criteria = &self.fitter.criteria;
         let (over_all, in_class) = self.beyond(good);
         // The calibration of a day is no other state.
         let is_denied = criteria.denies(self.search.null.prior_nats);
-        let hides = || {
-            let corrected = self.corrected(base_bar).map(|corrected| corrected.1);
-            let off_bar = |simulated_bar: &[f64]| self.off_bar(self.residual(simulated_bar));
-            is_hidden(criteria, off_bar(corrected.as_deref().unwrap_or(base_bar)), other_bar.map(off_bar))
-        };
+        let off_bar = |simulated_bar: &[f64]| self.off_bar(self.residual(simulated_bar));
+        let hides = || is_hidden(criteria, off_bar(known_bar), other_bar.map(off_bar));
         self.is_another_state(good, (over_all, in_class))
             && (!good.is_denied() || over_all > criteria.structure)
             && (in_class > self.farther(good).1 || is_denied && hides())

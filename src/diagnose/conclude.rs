@@ -142,7 +142,9 @@ impl<'a> Findings<'_, 'a> {
             remainder(evidence, (standardised, &weighed), simulated_bar, &block, allowed_bar)
         };
         let mut unexplained = left(&standardised, &augmented_bar, allowed_bar);
-        let stands_apart = effects.is_empty() && unexplained.is_none() && self.stands_apart(&base_bar, [&refit_bar, &augmented_bar]);
+        let corrected = self.corrected(&base_bar, &block);
+        let known_bar = corrected.as_ref().map_or(&base_bar, |corrected| &corrected.1);
+        let stands_apart = effects.is_empty() && unexplained.is_none() && self.stands_apart(known_bar, [&refit_bar, &augmented_bar]);
         if stands_apart {
             let residual = self.residual_settled(&counted, &base_bar);
             unexplained = left(&self.standardised(&residual), &base_bar, (self.noise_bar(), 0.0));
@@ -179,7 +181,7 @@ impl<'a> Findings<'_, 'a> {
             chosen_bar: off_bar(&augmented_bar),
         };
         let kept = outcome.leaves_the_model(fitter.criteria.recalibrates);
-        let (mut augmented, augmented_bar) = match kept.then(|| self.corrected(&base_bar)).flatten() {
+        let (mut augmented, augmented_bar) = match corrected.filter(|_| kept) {
             Some(corrected) => corrected,
             None if kept => (self.given.valve.clone(), base_bar.clone()),
             None => (search.chosen.model.valve_file(&search.chosen.theta), augmented_bar),
@@ -280,14 +282,13 @@ impl<'a> Findings<'_, 'a> {
     }
 
     /// The model as data of the good valve has corrected it, with its pressure [bar], where this record, which the corrections have
-    /// not seen, confirms them against the model as given: beyond the chance of its blocks.
-    pub fn corrected(&self, as_given_bar: &[f64]) -> Option<(Valve, Vec<f64>)> {
+    /// not seen, confirms them against the model as given: beyond the chance of its blocks, whose number each sample has.
+    fn corrected(&self, as_given_bar: &[f64], block: &[usize]) -> Option<(Valve, Vec<f64>)> {
         self.good.filter(|good| !good.corrections.is_empty() && self.fitter.evidence.base.is_none())?;
         let theta = self.base.calibrated();
         let mut pressure_bar = Vec::new();
         Simulator::starting_at(self.fitter.evidence, MIDDLE).pressure(self.base, &theta, &mut pressure_bar);
-        let block = blocks(self.fitter);
-        let [corrected, given] = [&pressure_bar, as_given_bar].map(|p: &[f64]| HeldOut::plain(self.residual(p), block.clone()));
+        let [corrected, given] = [&pressure_bar, as_given_bar].map(|p: &[f64]| HeldOut::plain(self.residual(p), block.to_vec()));
         let is_confirmed = corrected.gain_over(&given).1.is_some_and(|interval| interval.0 > 0.0);
         is_confirmed.then(|| (self.base.valve.clone(), pressure_bar))
     }

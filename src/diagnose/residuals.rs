@@ -28,7 +28,7 @@ impl Findings<'_, '_> {
         });
         for k in self.unsettled.iter().copied() {
             let (low, high) = (ascending[k].min(descending[k]), ascending[k].max(descending[k]));
-            out[k] = readings[k] - if readings[k].is_finite() { readings[k].clamp(low, high) } else { 0.0 };
+            out[k] = readings[k] - readings[k].max(low).min(high);
         }
         out
     }

@@ -72,8 +72,7 @@ impl Fitter<'_> {
         let mut simulator = Simulator::new(self.evidence);
         let mut residual = Vec::new();
         // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back, and is missing there.
-        let mut calibrated = incumbent.theta.clone();
-        calibrated[..BASE].copy_from_slice(&model.calibrated());
+        let mut calibrated = [&model.calibrated(), &incumbent.theta[BASE..]].concat();
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
         let calibrated = self.score(&mut simulator, &incumbent.model, &clamped(&incumbent.model.free(), &calibrated), &mut residual);
         let (mut tried, mut given_back): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
@@ -285,8 +284,7 @@ impl Fitter<'_> {
         for j in (0..count).rev() {
             let Some(simpler) = fit.model.holding(j) else { continue };
             // Also from the calibration: the base may have moved for what goes.
-            let mut calibrated = fit.theta.clone();
-            calibrated[..BASE].copy_from_slice(&simpler.calibrated());
+            let calibrated = [&simpler.calibrated(), &fit.theta[BASE..]].concat();
             let [less, other] = [&fit.theta, &calibrated].map(|theta| self.polish(&simpler, theta, 4));
             let less = if self.objective(&other) < self.objective(&less) { other } else { less };
             if less.bic(effective) < fit.bic(effective) {
