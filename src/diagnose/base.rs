@@ -44,6 +44,11 @@ impl Base<f64> {
     pub fn delay_s(&self) -> f64 {
         (self.late - self.lag).max(0.0)
     }
+
+    /// How long it remembers [s]: delay and five times its lag, of which less than a hundredth is left then.
+    pub fn memory_s(&self) -> f64 {
+        self.late + 4.0 * self.lag
+    }
 }
 
 #[cfg(test)]

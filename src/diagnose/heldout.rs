@@ -5,7 +5,7 @@
 
 use rand::{RngExt, SeedableRng};
 
-use super::base::AT;
+use super::base::Base;
 use super::evidence::rms;
 use super::fit::{Fit, Fitter};
 use super::model::Simulator;
@@ -134,13 +134,12 @@ pub fn blocks(fitter: &Fitter<'_>) -> Vec<usize> {
     out
 }
 
-/// How long the base of a model remembers: delay and five times its lag [samples], so that what a fit sees at the edge of
-/// a block tells nothing of the next; at most a quarter of a block.
+/// How long the base of a model remembers [samples], so that what a fit sees at the edge of a block tells nothing of the next; at most
+/// a quarter of a block.
 fn gap_samples(fitter: &Fitter<'_>, fit: &Fit<'_>) -> usize {
     let dt_s = fitter.evidence.step_s();
-    let memory_s = fit.theta[AT.late] + 4.0 * fit.theta[AT.lag];
     let longest = 0.25 * BLOCK_S.min(fitter.measured.len() as f64 * dt_s / FEWEST_BLOCKS as f64);
-    (memory_s.min(longest) / dt_s).ceil() as usize
+    (Base::of(&fit.theta).memory_s().min(longest) / dt_s).ceil() as usize
 }
 
 /// The samples that lie within `gap` samples of another block.

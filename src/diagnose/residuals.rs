@@ -1,7 +1,9 @@
 //! What a model leaves of the readings: where the start is not known, where readings are masked, and beside scatter that was found.
 
+use super::base::Base;
 use super::conclude::Findings;
 use super::evidence::rms;
+use super::fit::Fit;
 use super::heldout::HeldOut;
 use super::model::Simulator;
 
@@ -14,19 +16,21 @@ impl Findings<'_, '_> {
     }
 
     /// Readings minus `simulated`, the pressure of the chosen model; before the valve has settled what lies beyond all that it would show
-    /// from a start anywhere in its loop [bar].
+    /// from a start anywhere in its loop, and NaN as long as that model remembers the current before the first sample [bar].
     pub fn off_from_any_start(&self, readings: &[f64], simulated: &[f64]) -> Vec<f64> {
         let mut out = self.residual_settled(readings, simulated);
         if self.unsettled.is_empty() {
             return out;
         }
-        let chosen = &self.search.chosen;
+        let (chosen, evidence) = (&self.search.chosen, self.fitter.evidence);
         let [ascending, descending] = [0.0, 1.0].map(|share| {
             let mut pressure = Vec::new();
-            Simulator::starting_at(self.fitter.evidence, share).pressure(&chosen.model, &chosen.theta, &mut pressure);
+            Simulator::starting_at(evidence, share).pressure(&chosen.model, &chosen.theta, &mut pressure);
             pressure
         });
-        for k in self.unsettled.iter().copied() {
+        let memory_s = remembers_s(chosen);
+        let since_start_s: Vec<f64> = evidence.grids.iter().flat_map(|g| (0..g.current_a.len()).map(|k| g.dt_s * k as f64)).collect();
+        for k in self.unsettled.iter().copied().filter(|k| since_start_s[*k] > memory_s) {
             let (low, high) = (ascending[k].min(descending[k]), ascending[k].max(descending[k]));
             out[k] = readings[k] - readings[k].max(low).min(high);
         }
@@ -52,4 +56,16 @@ impl Findings<'_, '_> {
         }
         residual.iter().zip(variance).map(|(e, v)| e * noise / v.sqrt()).collect()
     }
+}
+
+/// How long the base of a model and its linear effects remember [s].
+fn remembers_s(fit: &Fit<'_>) -> f64 {
+    let mut base = Base::of(&fit.theta);
+    for (k, effect) in fit.model.effects.iter().enumerate() {
+        if let Some(linear) = effect.linear(&fit.theta[fit.model.place(k)]) {
+            base.late += linear.delay_s + linear.lag_s;
+            base.lag += linear.lag_s;
+        }
+    }
+    base.memory_s()
 }

@@ -75,30 +75,45 @@ fn a_supply_that_sags_at_times_of_its_own_is_named_and_no_part_of_the_augmented_
     assert!(found.diagnosis.discovered.is_none() && found.open.is_none_or(|open| open.named.is_some()));
 }
 
+/// What is read, with noise, of a valve that is driven so.
+fn read(of: &Valve, (time_s, current_a): (Vec<f64>, Vec<f64>), seed: u64) -> Recording {
+    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
+    let quiet = simulate(of, Input::Held, &time_s, &current_a).unwrap();
+    let pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
+    let run = Run { time_s, current_a, pressure_bar, ..Run::default() };
+    Recording { source: format!("drive {seed}.csv"), runs: vec![run], notes: vec![], input: None }
+}
+
 /// A rise in the first half second, of which nobody knows where in its loop the valve was before, and small waves behind it: a delay
 /// would do for these.
 #[test]
 fn a_first_rise_that_is_not_followed_from_any_start_is_left_over() {
-    let mut random = rand_pcg::Pcg64::seed_from_u64(3);
-    let normal = Normal::new(0.0, NOISE_BAR).unwrap();
-    let mut read = |of: &Valve, (time_s, current_a): (Vec<f64>, Vec<f64>), source: &str| {
-        let quiet = simulate(of, Input::Held, &time_s, &current_a).unwrap();
-        let pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
-        Recording {
-            source: source.into(),
-            runs: vec![Run { time_s, current_a, pressure_bar, ..Run::default() }],
-            notes: vec![],
-            input: None,
-        }
-    };
-    let good = read(&valve(), drive(), "good.csv");
+    let good = read(&valve(), drive(), 3);
     let rise = |t: f64| 0.3 + 0.2 * ((t - 0.2) / 0.3).clamp(0.0, 1.0) + 0.01 * (1.3 * t).sin();
     let time_s: Vec<f64> = (0..6000).map(|k| 0.01 * f64::from(k)).collect();
     let current_a = time_s.iter().map(|t| rise(*t)).collect();
     let mut late = valve();
     late.effects.push(specification(effect("sensor_lag").unwrap(), &[0.1, 0.0]));
-    let d = diagnose_against(&read(&late, (time_s, current_a), "late.csv"), &valve(), &[good]).unwrap().diagnosis;
+    let d = diagnose_against(&read(&late, (time_s, current_a), 4), &valve(), &[good]).unwrap().diagnosis;
     assert_eq!((d.verdict, d.effects[0].id.as_str()), (Verdict::PartlyExplained, "transport_delay"), "{}", d.summary);
     let left = d.unexplained.as_ref().unwrap_or_else(|| panic!("{}", d.summary));
     assert!(left.windows.iter().any(|w| w.from_s < 0.5), "{left:?}");
+}
+
+/// The first readings answer to a current that was before them.
+#[test]
+fn a_record_that_begins_within_a_movement_is_explained_all_the_same() {
+    let valve = || Valve { lag_s: 0.01, ..valve() };
+    let good = read(&valve(), drive(), 3);
+    let mut off = valve();
+    off.effects.push(specification(effect("sensor_zero").unwrap(), &[0.5]));
+    let mut cut = read(&off, drive(), 4);
+    let run = &mut cut.runs[0];
+    let begins_s = run.time_s[160];
+    run.time_s = run.time_s.split_off(160).into_iter().map(|t| t - begins_s).collect();
+    run.current_a.drain(..160);
+    run.pressure_bar.as_mut().unwrap().drain(..160);
+    let d = diagnose_against(&cut, &valve(), &[good]).unwrap().diagnosis;
+    assert_eq!((d.verdict, d.effects[0].id.as_str()), (Verdict::Explained, "sensor_zero"), "{}", d.summary);
 }
