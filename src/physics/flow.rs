@@ -68,11 +68,11 @@ pub(super) fn along_line(output: f64, q: f64, a: f64, b: f64) -> (f64, f64) {
     if q < 1e-9 {
         return (output, output);
     }
-    let left = (-q).exp();
+    let (gone, per_time) = (gone(q), 1.0 / q);
     // Weight of the begin of the line, from the exact answer to a ramp.
-    let early = if q > 1e-4 { (1.0 - left) / q - left } else { 0.5 * q };
-    let end = left * output + early * a + (1.0 - left - early) * b;
-    (end, 0.5 * (a + b) - (end - output) / q)
+    let early = if q > 1e-4 { gone * per_time - (1.0 - gone) } else { 0.5 * q };
+    let end = output + early * (a - b) + gone * (b - output);
+    (end, 0.5 * (a + b) - (end - output) * per_time)
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@
 
 use super::block::{Block, Dynamic, Point, Step};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
-use super::flow::along_line;
+use super::flow::{RESOLUTION_BAR, along_line};
 use super::power::Power;
 use crate::units::{PRESSURE, PRESSURE_RATE, RATIO};
 
@@ -93,8 +93,10 @@ impl Effect for FlowLimit {
 
 /// Least share of the supply's pressure that still drives: a flow never ends before its target is reached.
 const LEAST_SHARE: f64 = 0.02;
-/// Parts of a step in which the limited pressure may catch up with its target.
+/// Parts of a step in which the limited pressure may catch up with its target,
 const PARTS: f64 = 16.0;
+/// none of them smaller than this: the pressure is off by less where it catches up within it [bar].
+const LEAST_PART_BAR: f64 = 0.01;
 
 /// Share of what drives that a time may take away for its rate to be taken half-way, which is exact to a thousandth then.
 const SHORT: f64 = 0.08;
@@ -148,6 +150,27 @@ impl Limit {
         let rate = rate * self.shape.as_ref().map_or(1.0, |(_, power)| power.of(drive.max(LEAST_SHARE)));
         let (end, mean) = along_line(output, rest * rate / self.band, a, b);
         (end, sum + rest * mean)
+    }
+
+    /// How much a step may change in one part [bar]: within the band it is a lag all along, and far from the target the limit all along;
+    /// in between it matters when the band is reached.
+    #[inline]
+    fn resolution_bar(&self, from: f64, input: Step, change: f64, bow: f64) -> f64 {
+        let (before, after) = (from - self.output, input.to - self.output);
+        // A parabola goes so far beyond its ends at most.
+        let beyond = 1.5 * bow;
+        if before.abs().max(after.abs()) + beyond <= self.band {
+            return RESOLUTION_BAR;
+        }
+        if input.jump == 0.0 && (before > 0.0) == (after > 0.0) {
+            let (rate, _, drive) = self.driven(after > 0.0, self.output);
+            // It falls on the way.
+            let most = rate * self.shape.as_ref().map_or(1.0, |(_, power)| power.of(drive.max(LEAST_SHARE)));
+            if before.abs().min(after.abs()) - beyond > self.band + most {
+                return f64::INFINITY;
+            }
+        }
+        (change.max(input.jump.abs()).max(bow) / PARTS).max(self.free).max(LEAST_PART_BAR)
     }
 
     /// From `output` as far towards `target` as the limits let it in `share` of a step, the integral over it, and how long it moved.
@@ -242,8 +265,7 @@ impl Dynamic for Limit {
             return input;
         }
         let mut mean = 0.0;
-        let most = change.max(input.jump.abs()).max(bow) / PARTS;
-        input.pieces(from, self.left, most.max(self.free), |share, a, b| {
+        input.pieces(from, self.left, self.resolution_bar(from, input, change, bow), |share, a, b| {
             let (output, sum) = self.after(a, b, self.output, share);
             self.output = output;
             mean += sum;
