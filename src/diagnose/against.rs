@@ -2,7 +2,8 @@
 
 use super::descent::Descent;
 use super::fit::{Fit, Fitter};
-use super::model::{Model, Simulator};
+use super::model::Model;
+use super::simulator::Simulator;
 use crate::physics::Effect;
 
 /// What values of an effect cost on the record [nats].

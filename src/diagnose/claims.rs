@@ -8,8 +8,8 @@ use super::diagnosis::{Claim, Finding};
 use super::evidence::rms;
 use super::fit::Fit;
 use super::good::Good;
-use super::model::Simulator;
 use super::seen;
+use super::simulator::Simulator;
 use super::trust::Trust;
 use crate::physics::{Effect, Kind, effect};
 

@@ -9,11 +9,12 @@ use super::fit::{Fit, Fitter};
 use super::good::Good;
 use super::heldout::{HeldOut, blocks, held_out};
 use super::locate::locate;
-use super::model::{Model, Simulator};
+use super::model::Model;
 use super::outcome::Outcome;
 use super::remainder::remainder;
 use super::scatter::{Scattered, give_back, mask};
 use super::search::Search;
+use super::simulator::Simulator;
 use crate::recording::Recording;
 use crate::valve::Valve;
 

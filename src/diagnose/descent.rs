@@ -9,11 +9,14 @@ use nalgebra::{DMatrix, DVector};
 use super::base::{AT, BASE};
 use super::fit::{Fit, Fitter, clamped, shifted};
 use super::loss;
-use super::model::{Free, Model, Simulator};
+use super::model::{Free, Model};
+use super::simulator::Simulator;
 use crate::least_squares::{Equations, Landscape, Pace, descend, dot};
 
 /// Steps in a row that corrected derivatives may serve.
 const CORRECTED: usize = 2;
+/// Simulations side by side: with more of them their signals would leave the level-1 cache.
+const ABREAST: usize = 4;
 /// Gain of a step below which a fit is at its end [nats].
 const TRIFLE_NATS: f64 = 0.02;
 /// How a descent goes.
@@ -177,33 +180,37 @@ impl Fitter<'_> {
         rough: bool,
     ) -> Slopes {
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); moving.len()];
-        let mut theta = at.theta.clone();
         // The last stages first: what lies before them is kept from the fit's own simulation.
-        for (column, k) in columns.iter_mut().zip(moving).rev() {
-            if rough && self.slope_at_rest(*k, at, residual, column) {
+        let mut simulated: Vec<(usize, f64, Vec<f64>)> = Vec::new();
+        for (place, k) in moving.iter().enumerate().rev() {
+            if rough && self.slope_at_rest(*k, at, residual, &mut columns[place]) {
                 continue;
             }
-            let (free, here) = (&free[*k], theta[*k]);
-            if free.is_still() {
-                column.resize(residual.len(), 0.0);
-                continue;
-            }
+            let (free, here) = (&free[*k], at.theta[*k]);
             let mut ahead = shifted(free, here, free.step);
             if ahead == here {
                 ahead = shifted(free, here, -free.step);
             }
             let width = free.distance(here, ahead);
-            theta[*k] = ahead;
-            self.residual(simulator, &at.model, &theta, column);
-            theta[*k] = here;
-            if width == 0.0 {
-                column.fill(0.0);
+            if free.is_still() || width == 0.0 {
+                columns[place].resize(residual.len(), 0.0);
                 continue;
             }
-            for (d, e) in column.iter_mut().zip(residual) {
-                // Derivative of the simulated pressure.
-                let slope = (e - *d) / width;
-                *d = if slope.is_finite() { slope } else { 0.0 };
+            let mut theta = at.theta.clone();
+            theta[*k] = ahead;
+            simulated.push((place, width, theta));
+        }
+        for abreast in simulated.chunks(ABREAST) {
+            let thetas: Vec<&[f64]> = abreast.iter().map(|(.., theta)| theta.as_slice()).collect();
+            let mut ahead: Vec<Vec<f64>> = abreast.iter().map(|_| Vec::new()).collect();
+            self.residuals(simulator, &at.model, &thetas, &mut ahead);
+            for ((place, width, _), mut column) in abreast.iter().zip(ahead) {
+                for (d, e) in column.iter_mut().zip(residual) {
+                    // Derivative of the simulated pressure.
+                    let slope = (e - *d) / width;
+                    *d = if slope.is_finite() { slope } else { 0.0 };
+                }
+                columns[*place] = column;
             }
         }
         Slopes { moving: moving.to_vec(), columns, corrected: 0 }

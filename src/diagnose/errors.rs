@@ -11,7 +11,8 @@ use super::descent::Slopes;
 use super::fit::{Fit, Fitter};
 use super::heldout::blocks;
 use super::loss;
-use super::model::{Free, Simulator};
+use super::model::Free;
+use super::simulator::Simulator;
 use crate::least_squares::{Equations, dot};
 
 /// A parameter with less information than this is not carried by the record.

@@ -3,8 +3,9 @@
 
 use super::evidence::{Evidence, MIDDLE};
 use super::fit::{Fit, Fitter};
-use super::model::{Model, Simulator, VALVE_STEP_S};
+use super::model::{Model, VALVE_STEP_S};
 use super::settled::unsettled;
+use super::simulator::Simulator;
 use crate::course::Run;
 
 /// Samples that a search looks at where one of them costs a step of one lag: over two minutes at 100 Hz,

@@ -4,7 +4,8 @@ use super::base::AT;
 use super::criteria::Criteria;
 use super::evidence::Evidence;
 use super::loss;
-use super::model::{Free, Model, Simulator};
+use super::model::{Free, Model};
+use super::simulator::Simulator;
 use super::trust::Trust;
 
 /// A recording of some hundred samples, for instance of a few steps, still counts as this many.
@@ -162,8 +163,13 @@ impl<'e> Fitter<'e> {
 
     /// Measured minus simulated, each as much as it weighs; NaN where masked [bar].
     pub fn residual(&self, simulator: &mut Simulator<'_>, model: &Model<'_>, theta: &[f64], out: &mut Vec<f64>) {
-        simulator.residual(model, theta, &self.measured, out);
-        self.weigh(out);
+        self.residuals(simulator, model, &[theta], std::slice::from_mut(out));
+    }
+
+    /// The same for each of several vectors.
+    pub fn residuals(&self, simulator: &mut Simulator<'_>, model: &Model<'_>, thetas: &[&[f64]], outs: &mut [Vec<f64>]) {
+        simulator.residuals(model, thetas, &self.measured, outs);
+        outs.iter_mut().for_each(|out| self.weigh(out));
     }
 
     /// Takes each value of a pressure for as much as a reading there weighs.

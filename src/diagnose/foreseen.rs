@@ -89,7 +89,8 @@ mod tests {
     use crate::diagnose::base::AT;
     use crate::diagnose::evidence::tests::{held, straight, straight_run};
     use crate::diagnose::fit::Fitter;
-    use crate::diagnose::model::{Model, Simulator};
+    use crate::diagnose::model::Model;
+    use crate::diagnose::simulator::Simulator;
     use crate::physics::effect;
 
     /// What a record of two minutes about 0.5 A leaves open of a creep, where the current goes to and fro by `swing_a`; `share` of a

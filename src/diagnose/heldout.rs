@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use super::base::Base;
 use super::evidence::rms;
 use super::fit::{Fit, Fitter};
-use super::model::Simulator;
+use super::simulator::Simulator;
 
 /// Longest block [s].
 pub const BLOCK_S: f64 = 5.0;

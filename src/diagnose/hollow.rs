@@ -5,9 +5,9 @@
 
 use super::fit::{Fit, Fitter};
 use super::heldout::{carried_forward, held_out};
-use super::model::Simulator;
 use super::scatter::Scattered;
 use super::search::Search;
+use super::simulator::Simulator;
 use crate::physics::Kind;
 
 /// Takes causes in name only out of what was chosen; their ids. Where all together do not explain enough, as many of the first

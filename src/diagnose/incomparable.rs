@@ -5,7 +5,8 @@ use super::diagnosis::{Curves, Diagnosed, Diagnosis, Errors, SCHEMA, Verdict};
 use super::evidence::{Evidence, rms};
 use super::locate::locate;
 use super::mistake::Mistake;
-use super::model::{Model, Simulator};
+use super::model::Model;
+use super::simulator::Simulator;
 use super::words::figure;
 use crate::recording::Recording;
 

@@ -17,7 +17,8 @@ pub fn stays_before_form(fitter: &Fitter<'_>, less: &Fit<'_>, (fit, k): (&Fit<'_
 
 #[cfg(test)]
 mod tests {
-    use super::super::model::{Model, Simulator};
+    use super::super::model::Model;
+    use super::super::simulator::Simulator;
     use super::*;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
     use crate::physics::effect;

@@ -55,6 +55,7 @@ mod seen;
 mod settled;
 mod signature;
 mod simulated;
+mod simulator;
 mod slower;
 mod spread;
 mod start;

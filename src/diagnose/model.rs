@@ -1,9 +1,9 @@
 //! A candidate model: the base valve with its parameters free within what the calibration allows, and effects.
 
-use super::base::{AT, BASE, Base};
+use super::base::{BASE, Base};
 use super::evidence::Evidence;
 use super::prior::{Heavy, Prior};
-use crate::physics::{EFFECTS, Effect, MOST_INNER, Parameter, Pipeline, Sampling, Stage, resolve, signals, specification};
+use crate::physics::{Effect, MOST_INNER, Parameter, Pipeline, Sampling, resolve, specification};
 use crate::valve::{Hysteresis, Input, Polynomial, ReferenceCurves, Valve};
 
 /// One parameter of the vector that a fit moves.
@@ -295,7 +295,7 @@ impl<'a> Model<'a> {
         parameters.filter(|(p, held)| !**held && p.range.0 < 0.0 && p.range.1 > 0.0).count()
     }
 
-    fn curves(&self, theta: &[f64]) -> ReferenceCurves {
+    pub(super) fn curves(&self, theta: &[f64]) -> ReferenceCurves {
         let Base { gain, offset, width, .. } = Base::of(theta);
         let curves = &self.valve.curves;
         let moved = |p: &Polynomial, offset: f64| {
@@ -312,7 +312,7 @@ impl<'a> Model<'a> {
         )
     }
 
-    fn pipeline<'c>(&self, curves: &'c ReferenceCurves, theta: &[f64]) -> Pipeline<'c> {
+    pub(super) fn pipeline<'c>(&self, curves: &'c ReferenceCurves, theta: &[f64]) -> Pipeline<'c> {
         let base = Base::of(theta);
         let mut effects = self.fixed.clone();
         effects.extend(self.effects.iter().enumerate().map(|(k, e)| (*e, theta[self.place(k)].to_vec())));
@@ -356,91 +356,5 @@ impl<'a> Model<'a> {
         valve.lag_s = base.lag;
         valve.effects.extend(self.effects.iter().enumerate().map(|(k, e)| specification(*e, &theta[self.place(k)])));
         valve
-    }
-}
-
-/// Simulates one model again and again on the same evidence; what lies before the first changed stage is kept.
-pub struct Simulator<'e> {
-    evidence: &'e Evidence,
-    /// Where between its curves the valve stands at first, the same for every run; otherwise as the evidence has it.
-    pub(super) start_share: Option<f64>,
-    runs: Vec<Kept>,
-}
-
-#[derive(Default)]
-struct Kept {
-    current_key: Vec<f64>,
-    current_a: Vec<f64>,
-    /// The same as the stages behind the curve read it.
-    at_curve_a: Vec<f64>,
-    static_key: Vec<f64>,
-    static_bar: Vec<f64>,
-}
-
-impl<'e> Simulator<'e> {
-    /// For this evidence.
-    pub fn new(evidence: &'e Evidence) -> Self {
-        Self { evidence, start_share: None, runs: evidence.grids.iter().map(|_| Kept::default()).collect() }
-    }
-
-    /// For this evidence, with the valve between its curves at first: 0 on the ascending one, 1 on the descending.
-    pub fn starting_at(evidence: &'e Evidence, start_share: f64) -> Self {
-        Self { start_share: Some(start_share), ..Self::new(evidence) }
-    }
-
-    /// Pressure of all runs, one after the other [bar].
-    pub fn pressure(&mut self, model: &Model<'_>, theta: &[f64], out: &mut Vec<f64>) {
-        let curves = model.curves(theta);
-        let pipeline = Pipeline { input: self.evidence.input, most_inner: self.evidence.most_inner, ..model.pipeline(&curves, theta) };
-        if let Some(base) = &self.evidence.base {
-            base.pressure(&self.evidence.grids, pipeline, theta, out);
-            return;
-        }
-        let mut current_key = vec![pipeline.dead_time_s()];
-        for (k, (effect, values)) in pipeline.effects.iter().enumerate() {
-            if effect.stage() < Stage::Static {
-                current_key.extend([k as f64, EFFECTS.iter().position(|e| e.id() == effect.id()).map_or(-1.0, |at| at as f64)]);
-                current_key.extend(values);
-            }
-        }
-        let static_key = [theta[AT.gain], theta[AT.offset], theta[AT.width], theta[AT.ln_a]];
-        out.clear();
-        for ((grid, kept), share) in self.evidence.grids.iter().zip(&mut self.runs).zip(&self.evidence.start_shares) {
-            let start_share = self.start_share.unwrap_or(*share);
-            let signals = signals(grid);
-            if pipeline.parts(grid.dt_s) > 1 {
-                let (mut work, mut pressure) = (Vec::new(), Vec::new());
-                pipeline.run_from(start_share, (grid.elapsed_s, grid.dt_s), &signals, &mut work, &mut pressure);
-                grid.at_readings(&mut pressure);
-                out.extend(pressure);
-                continue;
-            }
-            let context = pipeline.context(grid.elapsed_s, grid.dt_s, None);
-            let same_current = kept.current_key == current_key && !kept.current_a.is_empty();
-            if !same_current {
-                pipeline.current_stages(&context, &signals, &mut kept.current_a);
-                kept.at_curve_a.clone_from(&kept.current_a);
-                pipeline.read_between(&context, &mut kept.at_curve_a);
-                kept.current_key.clone_from(&current_key);
-            }
-            if !same_current || kept.static_key != static_key {
-                kept.static_bar.resize(grid.current_a.len(), 0.0);
-                pipeline.static_curve(start_share, &kept.current_a, &mut kept.static_bar);
-                pipeline.read_between(&context, &mut kept.static_bar);
-                kept.static_key = static_key.to_vec();
-            }
-            let from = out.len();
-            out.extend_from_slice(&kept.static_bar);
-            pipeline.pressure_stages(&context, &signals.with_current(&kept.at_curve_a), &mut out[from..]);
-            grid.at_readings(&mut out[from..]);
-        }
-    }
-
-    /// Measured minus simulated [bar]; NaN where not measured.
-    pub fn residual(&mut self, model: &Model<'_>, theta: &[f64], measured: &[f64], out: &mut Vec<f64>) {
-        self.pressure(model, theta, out);
-        for (e, y) in out.iter_mut().zip(measured) {
-            *e = y - *e;
-        }
     }
 }

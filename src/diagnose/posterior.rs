@@ -18,7 +18,7 @@ use rand::{RngExt, SeedableRng};
 use super::fit::{Fit, Fitter};
 use super::heldout::blocks;
 use super::loss;
-use super::model::Simulator;
+use super::simulator::Simulator;
 
 /// Bootstrap samples.
 const BAGS: usize = 200;

@@ -14,7 +14,7 @@ use super::descent::Place;
 use super::diagnosis::Interval;
 use super::errors::Curvature;
 use super::fit::{Fit, Fitter, shifted};
-use super::model::Simulator;
+use super::simulator::Simulator;
 use crate::least_squares::{Equations, Landscape, Pace, SIGMAS_95, descend};
 
 /// The 95 % quantile of chi-square with one degree of freedom.

@@ -5,7 +5,7 @@ use super::conclude::Findings;
 use super::evidence::rms;
 use super::fit::Fit;
 use super::heldout::HeldOut;
-use super::model::Simulator;
+use super::simulator::Simulator;
 
 impl Findings<'_, '_> {
     /// Readings minus `simulated`; NaN before the valve has settled from where it stood [bar].

@@ -2,8 +2,9 @@
 
 use super::base::AT;
 use super::fit::{Fit, Fitter};
-use super::model::{Model, Simulator};
+use super::model::Model;
 use super::search::recalibrated;
+use super::simulator::Simulator;
 use crate::physics::{EFFECTS, Effect, Scatter, ScatterFinding, specification};
 use crate::valve::EffectSpec;
 

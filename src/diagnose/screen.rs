@@ -6,7 +6,8 @@ use super::base::{AT, BASE};
 use super::descent::Descent;
 use super::fit::{Fit, Fitter, clamped, shifted};
 use super::loss;
-use super::model::{CALIBRATION, Model, Simulator, UNSEEN_LAG_S};
+use super::model::{CALIBRATION, Model, UNSEEN_LAG_S};
+use super::simulator::Simulator;
 
 /// What a few steps bring no nearer to the incumbent than this is not worth the rest [nats].
 const HOPELESS_NATS: f64 = -30.0;

@@ -9,8 +9,9 @@ use super::fit::{Fit, Fitter};
 use super::heldout::{BLOCK_S, carried_forward, held_out};
 use super::keeps_place::stays_before_form;
 use super::loss;
-use super::model::{Model, Simulator};
+use super::model::Model;
 use super::round::{Ranked, Round};
+use super::simulator::Simulator;
 use super::watch;
 use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 

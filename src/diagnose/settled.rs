@@ -1,7 +1,8 @@
 //! Where a valve stands in its loop before the first sample of a run: until the current has moved far, the pressure depends on it.
 
 use super::evidence::{Evidence, MIDDLE};
-use super::model::{Model, Simulator};
+use super::model::Model;
+use super::simulator::Simulator;
 
 /// Two starts count as forgotten once they differ by less than this share of the sensor noise.
 const FORGOTTEN: f64 = 0.5;

@@ -33,8 +33,9 @@ pub fn between_models(fitter: &Fitter<'_>, chosen: &Fit<'_>, rounds: &[Round<'_>
 #[cfg(test)]
 mod tests {
     use super::super::base::AT;
-    use super::super::model::{Model, Simulator};
+    use super::super::model::Model;
     use super::super::round::Ranked;
+    use super::super::simulator::Simulator;
     use super::*;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
     use crate::physics::EFFECTS;

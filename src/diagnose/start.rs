@@ -4,9 +4,9 @@
 use rayon::prelude::*;
 
 use super::fit::{Fit, Fitter};
-use super::model::Simulator;
 use super::round::Ranked;
 use super::search::{Search, confirmed};
+use super::simulator::Simulator;
 use crate::physics::Kind;
 
 /// A model is worse than another one where it is off by this much more.

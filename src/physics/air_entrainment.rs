@@ -116,6 +116,7 @@ impl Soft {
     }
 
     /// The pressure after `share` of a step towards `target`, and the integral of its distance from it.
+    #[inline]
     fn towards(&self, target: f64, output: f64, share: f64, halvings: u32) -> (f64, f64) {
         let begin = self.softness.steps(output);
         // With the softness half-way: of second order, and what it changes says how much there is to correct.
@@ -128,6 +129,10 @@ impl Soft {
         if is_near || halvings == 0 || at_most(fine.0 - self.frozen(target, output, share * begin).0) {
             return (fine.0, share * fine.1);
         }
+        self.in_halves(target, output, share, halvings)
+    }
+
+    fn in_halves(&self, target: f64, output: f64, share: f64, halvings: u32) -> (f64, f64) {
         let first = self.towards(target, output, 0.5 * share, halvings - 1);
         let second = self.towards(target, first.0, 0.5 * share, halvings - 1);
         (second.0, first.1 + second.1)

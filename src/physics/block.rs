@@ -5,6 +5,8 @@
 //! held jumps as its message arrives), and what its mean was. A dynamic block that respects the three gives at each sample
 //! what a fine-step solution gives.
 
+use super::abreast::Following;
+
 /// One step of a signal: what happened since the sample before, from whose value it started.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
@@ -160,6 +162,12 @@ impl<'a> Signals<'a> {
         Point { current_a: self.current_a[k], oil_temp_c: of(self.oil_temp_c), supply_bar: of(self.supply_bar) }
     }
 
+    /// What is known at some of the samples.
+    pub fn part(&self, samples: std::ops::Range<usize>) -> Self {
+        let of = |channel: &'a [f64]| &channel[samples.clone()];
+        Self { current_a: of(self.current_a), oil_temp_c: self.oil_temp_c.map(of), supply_bar: self.supply_bar.map(of) }
+    }
+
     /// The same with another current.
     pub fn with_current<'b>(&self, current_a: &'b [f64]) -> Signals<'b>
     where
@@ -227,7 +235,7 @@ pub enum Block {
     /// It knows values only.
     Pointwise(Box<dyn Pointwise>),
     /// It has a course of its own.
-    Dynamic(Box<dyn Dynamic>),
+    Dynamic(Box<dyn Following>),
 }
 
 impl Block {

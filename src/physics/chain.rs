@@ -3,8 +3,9 @@
 //! Blocks that know values only run over the samples. From the first to the last dynamic block signals are followed as
 //! steps, on a grid that divides the samples where what stands second or later is too fast for them.
 
-use super::block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Step};
+use super::block::{Arrival, Block, Dynamic, Point, Pointwise, Signals, Step};
 use super::effect::{Context, Effect, Stage};
+use super::follow::{Link, Middle, Track, follow};
 use super::linear::FirstOrder;
 
 /// Longest inner step of several dynamic blocks: in units of the shortest time of one that is not linear; of linear ones
@@ -14,8 +15,6 @@ const LONGEST_FAST: f64 = 1.3;
 const LONGEST_SLOW: f64 = 0.4;
 /// A lag that is shorter than this is followed as one of this time [s].
 const SHORT_LAG_S: f64 = 0.004;
-/// Inner steps handled together; small enough for the level-1 cache.
-const CHUNK: usize = 256;
 
 /// Tank pressure: the outlet cannot fall below it.
 struct Floor {
@@ -62,31 +61,22 @@ impl Pointwise for Floor {
 /// An effect with its values.
 type Valued = (&'static dyn Effect, Vec<f64>);
 
-/// A block between dynamic ones.
-struct Link {
-    block: Block,
-    /// Its input at the last sample.
-    input: f64,
-    /// What a block that knows values only has added there.
-    added: f64,
-    /// Whether its input jumps with the command.
-    jumps: bool,
-}
-
 /// The stages behind the static curve.
 pub(super) struct Chain {
     front: Vec<Box<dyn Pointwise>>,
-    middle: Vec<Link>,
+    middle: Middle,
     back: Vec<Box<dyn Pointwise>>,
-    /// Inner steps per sample, and when within an inner step the command changes.
-    inner: usize,
-    arrival: Arrival,
-    /// The inner step in which a held command arrives.
-    arrives_at: usize,
     started: bool,
-    /// Pressure and current at the last sample.
-    last: (f64, f64),
-    buffer: Vec<f64>,
+}
+
+/// A chain with the signal that it is to replace.
+pub(super) struct Behind<'b> {
+    /// The blocks.
+    pub chain: &'b mut Chain,
+    /// What they may look at besides.
+    pub at: Signals<'b>,
+    /// The pressure after the static curve, at the samples [bar].
+    pub pressure_bar: &'b mut [f64],
 }
 
 impl Chain {
@@ -129,17 +119,8 @@ impl Chain {
         let first = links.iter().position(moves).unwrap_or(links.len());
         let last = links.iter().rposition(moves).map_or(first, |k| k + 1);
         let plain = |block| if let Block::Pointwise(block) = block { Some(block) } else { None };
-        let mut chain = Self {
-            front: Vec::new(),
-            middle: Vec::new(),
-            back: Vec::new(),
-            inner: inner as usize,
-            arrival,
-            arrives_at,
-            started: false,
-            last: (0.0, 0.0),
-            buffer: Vec::new(),
-        };
+        let mut chain =
+            Self { front: Vec::new(), middle: Middle::new(inner as usize, arrival, arrives_at), back: Vec::new(), started: false };
         // Behind the last dynamic block there are samples again, and clocks go by them.
         let (ahead, behind) = (before.len() + usize::from(floor_bar.is_some()) + usize::from(lag_s > 0.0), last);
         for (k, (block, jumps)) in links.into_iter().enumerate() {
@@ -150,7 +131,7 @@ impl Chain {
             if k < first {
                 chain.front.extend(plain(if inner > 1.0 { at_samples(block) } else { block }));
             } else if k < behind {
-                chain.middle.push(Link { block, input: 0.0, added: 0.0, jumps });
+                chain.middle.push(Link::new(block, jumps));
             } else {
                 chain.back.extend(plain(if inner > 1.0 { at_samples(block) } else { block }));
             }
@@ -160,114 +141,35 @@ impl Chain {
 
     /// Steps of one block that a sample takes; at least 1.
     pub fn steps_per_sample(&self) -> usize {
-        (self.inner * self.middle.len()).max(1)
+        self.middle.steps_per_sample().max(1)
     }
 
     /// Replaces the pressure after the static curve by that at the sensor, in place; goes on where it has ended before.
     pub fn run(&mut self, at: &Signals<'_>, pressure_bar: &mut [f64]) {
-        if pressure_bar.is_empty() {
-            return;
-        }
-        let settle = !std::mem::replace(&mut self.started, true);
-        let start = at.at(0);
-        let plain = |blocks: &mut [Box<dyn Pointwise>], pressure_bar: &mut [f64]| {
+        Self::run_abreast(&mut [Behind { chain: self, at: *at, pressure_bar }]);
+    }
+
+    /// The same of several chains, side by side.
+    pub fn run_abreast(all: &mut [Behind<'_>]) {
+        let plain = |blocks: &mut [Box<dyn Pointwise>], at: &Signals<'_>, settle: bool, pressure_bar: &mut [f64]| {
             for block in blocks {
                 if settle {
-                    block.start(&start, pressure_bar[0]);
+                    block.start(&at.at(0), pressure_bar[0]);
                 }
                 block.run(at, pressure_bar);
             }
         };
-        plain(&mut self.front, pressure_bar);
-        if !self.middle.is_empty() {
-            self.follow(at, pressure_bar, settle);
+        let settle: Vec<bool> = all.iter().map(|of| !of.chain.started && !of.pressure_bar.is_empty()).collect();
+        let mut tracks = Vec::with_capacity(all.len());
+        for (Behind { chain, at, pressure_bar }, settle) in all.iter_mut().zip(&settle) {
+            chain.started |= *settle;
+            plain(&mut chain.front, at, *settle, pressure_bar);
+            tracks.push(Track { middle: &mut chain.middle, at: *at, pressure_bar, settle: *settle });
         }
-        plain(&mut self.back, pressure_bar);
-    }
-
-    /// The dynamic part, chunk by chunk.
-    fn follow(&mut self, at: &Signals<'_>, pressure_bar: &mut [f64], mut settle: bool) {
-        if settle {
-            self.last = (pressure_bar[0], at.current_a[0]);
+        follow(&mut tracks);
+        for (Behind { chain, at, pressure_bar }, settle) in all.iter_mut().zip(&settle) {
+            plain(&mut chain.back, at, *settle, pressure_bar);
         }
-        let inner = self.inner;
-        let samples = (CHUNK / inner).max(1).min(pressure_bar.len());
-        let length = samples * inner;
-        let mut buffer = std::mem::take(&mut self.buffer);
-        buffer.resize((4 * length).max(buffer.len()), 0.0);
-        let (to, rest) = buffer.split_at_mut(length);
-        let (mean, rest) = rest.split_at_mut(length);
-        let (jump, rest) = rest.split_at_mut(length);
-        let current = &mut rest[..length];
-        let mut channels = [Vec::new(), Vec::new()];
-        for (number, chunk) in pressure_bar.chunks_mut(samples).enumerate() {
-            let here = number * samples;
-            let n = chunk.len() * inner;
-            self.spread(&at.current_a[here..here + chunk.len()], chunk, [&mut to[..n], &mut mean[..n], &mut jump[..n], &mut current[..n]]);
-            for (channel, out) in [at.oil_temp_c, at.supply_bar].into_iter().zip(&mut channels) {
-                out.clear();
-                out.extend(channel.into_iter().flat_map(|c| &c[here..here + chunk.len()]).flat_map(|v| std::iter::repeat_n(*v, inner)));
-            }
-            let [oil_temp_c, supply_bar] = &channels;
-            let signals = Signals {
-                current_a: &current[..n],
-                oil_temp_c: at.oil_temp_c.map(|_| oil_temp_c.as_slice()),
-                supply_bar: at.supply_bar.map(|_| supply_bar.as_slice()),
-            };
-            for link in &mut self.middle {
-                link.run(&signals, settle, self.arrival, &mut Courses { to: &mut to[..n], mean: &mut mean[..n], jump: &mut jump[..n] });
-            }
-            settle = false;
-            for (k, pressure) in chunk.iter_mut().enumerate() {
-                *pressure = to[k * inner + inner - 1];
-            }
-        }
-        self.buffer = buffer;
-    }
-
-    /// Samples as inner steps: held until the command arrives, or on straight lines.
-    fn spread(&mut self, current_a: &[f64], pressure_bar: &[f64], [to, mean, jump, current]: [&mut [f64]; 4]) {
-        let inner = self.inner;
-        let (mut last, mut last_a) = self.last;
-        if inner == 1 {
-            current.copy_from_slice(current_a);
-            match self.arrival {
-                Arrival::Held { left } => {
-                    for (k, p) in pressure_bar.iter().enumerate() {
-                        let change = p - last;
-                        (to[k], mean[k], jump[k]) = (*p, last + left * change, change);
-                        last = *p;
-                    }
-                }
-                Arrival::Ramp => {
-                    for (k, p) in pressure_bar.iter().enumerate() {
-                        (to[k], mean[k], jump[k]) = (*p, 0.5 * (last + p), 0.0);
-                        last = *p;
-                    }
-                }
-            }
-            self.last = (last, current_a.last().copied().unwrap_or(last_a));
-            return;
-        }
-        for (k, (p, i)) in pressure_bar.iter().zip(current_a).enumerate() {
-            let mut before = last;
-            for j in 0..inner {
-                let place = k * inner + j;
-                let (now, now_a) = match self.arrival {
-                    Arrival::Held { .. } if j < self.arrives_at => (last, last_a),
-                    Arrival::Held { .. } => (*p, *i),
-                    Arrival::Ramp => {
-                        let share = (j + 1) as f64 / inner as f64;
-                        (last + share * (p - last), last_a + share * (i - last_a))
-                    }
-                };
-                let step = Step::arriving(before, now, self.arrival);
-                (to[place], mean[place], jump[place], current[place]) = (step.to, step.mean, step.jump, now_a);
-                before = now;
-            }
-            (last, last_a) = (*p, *i);
-        }
-        self.last = (last, last_a);
     }
 }
 
@@ -311,40 +213,4 @@ fn inner_steps(context: &Context, groups: &[Group]) -> f64 {
     let parts = (context.dt_s / step_s).clamp(1.0, context.most_inner as f64);
     // Powers of two, so that a fit that moves a time constant seldom moves the grid.
     parts.log2().ceil().exp2()
-}
-
-impl Link {
-    fn run(&mut self, at: &Signals<'_>, settle: bool, arrival: Arrival, signal: &mut Courses<'_>) {
-        let Some(end) = signal.to.last().copied() else { return };
-        if settle {
-            // What came before the first sample was rest at its value.
-            let start = at.at(0);
-            self.input = signal.to[0];
-            match &mut self.block {
-                Block::Pointwise(block) => block.start(&start, self.input),
-                Block::Dynamic(block) => block.start(&start, self.input),
-            }
-        }
-        match &mut self.block {
-            Block::Dynamic(block) => block.run(at, self.input, signal),
-            Block::Pointwise(block) => {
-                // Ahead of the chamber what changes does so with the command, behind it all along the step.
-                let held = self.jumps && matches!(arrival, Arrival::Held { .. });
-                let left = if held { arrival.left() } else { 0.5 };
-                for k in 0..signal.to.len() {
-                    let input = signal.to[k];
-                    let output = block.step(&at.at(k), input);
-                    if settle && k == 0 {
-                        self.added = output - input;
-                    }
-                    let change = output - input - self.added;
-                    signal.to[k] = output;
-                    signal.mean[k] += self.added + left * change;
-                    signal.jump[k] += if held { change } else { 0.0 };
-                    self.added += change;
-                }
-            }
-        }
-        self.input = end;
-    }
 }

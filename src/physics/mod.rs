@@ -3,6 +3,7 @@
 //! A signal goes through the valve stage by stage ([`Stage`]); an effect names its stage, so it can be added to
 //! any model. `run --sim`, `simulate`, `identify` and `diagnose` all use this one pipeline.
 
+mod abreast;
 mod air_entrainment;
 mod around;
 mod asymmetric_lag;
@@ -21,6 +22,7 @@ mod finite;
 mod first_order_lag;
 mod flow;
 mod flow_limit;
+mod follow;
 mod leakage;
 mod levels;
 mod linear;
@@ -70,7 +72,7 @@ pub use effect::{Channel, Context, Effect, Hint, Kind, LinearForm, Nested, Param
 pub use error::PhysicsError;
 pub use linear::{FirstOrder, SecondOrder};
 pub use oil_viscosity::REFERENCE_C;
-pub use pipeline::{MOST_INNER, Pipeline};
+pub use pipeline::{MOST_INNER, Pipeline, Stages, pressure_stages_abreast};
 pub use plant::Plant;
 pub use resolve::{resolve, specification};
 pub use simulate::{simulate, simulate_with};

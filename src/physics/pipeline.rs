@@ -2,7 +2,7 @@
 
 use super::Effect;
 use super::block::{Block, Pointwise, Signals};
-use super::chain::Chain;
+use super::chain::{Behind, Chain};
 use super::delay::Delay;
 use super::effect::{Context, Stage};
 use super::error::PhysicsError;
@@ -174,6 +174,25 @@ impl<'a> Pipeline<'a> {
     pub fn pressure_stages(&self, context: &Context, at: &Signals<'_>, pressure_bar: &mut [f64]) {
         self.chain(context).run(at, pressure_bar);
     }
+}
+
+/// A pressure after the static curve, and what is to become of it.
+pub struct Stages<'s> {
+    /// The valve.
+    pub pipeline: &'s Pipeline<'s>,
+    /// What its blocks need to know.
+    pub context: Context<'s>,
+    /// The current at the curve, and what was recorded besides.
+    pub at: Signals<'s>,
+    /// The pressure, replaced by that at the sensor [bar].
+    pub pressure_bar: &'s mut [f64],
+}
+
+/// As [`Pipeline::pressure_stages`] for several valves, side by side: the same pressures in less time where their effects are the same.
+pub fn pressure_stages_abreast(all: Vec<Stages<'_>>) {
+    let mut chains: Vec<Chain> = all.iter().map(|of| of.pipeline.chain(&of.context)).collect();
+    let behind = chains.iter_mut().zip(all).map(|(chain, Stages { at, pressure_bar, .. })| Behind { chain, at, pressure_bar });
+    Chain::run_abreast(&mut behind.collect::<Vec<_>>());
 }
 
 /// Each sample followed by the parts of the step after it; the last sample stands alone.

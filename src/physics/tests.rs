@@ -205,6 +205,46 @@ fn every_deterministic_effect_gives_the_same_pressure_however_often_is_sampled()
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+#[test]
+fn side_by_side_every_valve_gives_what_it_gives_alone() {
+    let current_a = current();
+    let oil: Vec<f64> = current_a.iter().map(|i| 60.0 - 20.0 * i).collect();
+    let beside = BESIDE.iter().map(|(id, theta)| (super::effect(id).unwrap(), theta.to_vec()));
+    for (effect, theta) in EFFECTS.iter().flat_map(|e| e.examples().into_iter().map(move |t| (*e, t))).chain(beside) {
+        let moved: Vec<f64> = theta
+            .iter()
+            .zip(effect.parameters())
+            .map(|(v, p)| if p.range.0 < 1.02 * v && 1.02 * v < p.range.1 { 1.02 * v } else { *v })
+            .collect();
+        let plain = valve(vec![]);
+        let of = |effects: Vec<(&'static dyn Effect, Vec<f64>)>, lag_s: f64| Pipeline {
+            effects,
+            lag_s,
+            delay_s: 0.031 - lag_s,
+            ..Pipeline::of(&plain).unwrap()
+        };
+        let with = |theta: &[f64], lag_s: f64| of(vec![(effect, theta.to_vec())], lag_s);
+        // All alike, and with one whose steps are finer and one with other blocks.
+        let alike = [with(&theta, 0.008), with(&moved, 0.0081), with(&theta, 0.0079)];
+        let unlike = [with(&theta, 0.008), with(&moved, 0.001), of(vec![], 0.008)];
+        for pipelines in [alike, unlike] {
+            let on_curve_bar: Vec<Vec<f64>> =
+                pipelines.iter().map(|pipeline| (0..4000).map(|k| pipeline.curves.span_bar() * current_a[k]).collect()).collect();
+            let at = Signals { oil_temp_c: Some(&oil), ..Signals::current(&current_a) };
+            let (mut alone, mut abreast) = (on_curve_bar.clone(), on_curve_bar);
+            for (pipeline, pressure_bar) in pipelines.iter().zip(&mut alone) {
+                pipeline.pressure_stages(&pipeline.context(0.0, 0.01, None), &at, pressure_bar);
+            }
+            let stages = pipelines.iter().zip(&mut abreast);
+            let stages =
+                stages.map(|(pipeline, pressure_bar)| Stages { pipeline, context: pipeline.context(0.0, 0.01, None), at, pressure_bar });
+            pressure_stages_abreast(stages.collect());
+            assert!(alone == abreast, "{} {theta:?}", effect.id());
+            assert!(alone[0] != alone[1], "{} {theta:?}: what is compared differs", effect.id());
+        }
+    }
+}
+
 /// A chamber equation y' = f(u, y), its effect and its values.
 type Equation = (&'static str, Vec<f64>, fn(f64, f64) -> f64);
 

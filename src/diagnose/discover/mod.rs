@@ -16,7 +16,7 @@ pub use confirm::Unseen;
 
 use super::diagnosis::{Diagnosed, Discovery, Followed, OnUnseen};
 use super::fit::{Fit, Fitter, shifted};
-use super::model::Simulator;
+use super::simulator::Simulator;
 use crate::physics::{Discovered, Term, numbers, specification, state_text};
 use crate::valve::EffectSpec;
 use confirm::confirmed;

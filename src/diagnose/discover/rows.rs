@@ -7,7 +7,7 @@ use super::super::base::Base;
 use super::super::evidence::Evidence;
 use super::super::fit::{Fit, Fitter};
 use super::super::heldout::BLOCK_S;
-use super::super::model::Simulator;
+use super::super::simulator::Simulator;
 use crate::physics::{Seen, State, StateKind, Tracker};
 
 /// Most rows of the part in which is searched.

@@ -7,7 +7,8 @@ use crate::diagnose::descent::Descent;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
 use crate::diagnose::fit::Fitter;
-use crate::diagnose::model::{Model, Simulator};
+use crate::diagnose::model::Model;
+use crate::diagnose::simulator::Simulator;
 
 #[test]
 fn what_was_fitted_is_fitted_once_and_what_differs_in_anything_is_another_fit() {

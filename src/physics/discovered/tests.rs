@@ -100,8 +100,9 @@ fn a_term_on_a_channel_that_is_not_recorded_adds_nothing() {
     let context =
         Context { dt_s: 0.01, start_s: 0.0, arrival: super::super::Arrival::Ramp, most_inner: 8, curves: &valve.curves, seed: None };
     let Block::Dynamic(mut block) = Discovered.block(&theta, &context) else { panic!() };
+    let block = (block.as_mut() as &mut dyn std::any::Any).downcast_mut::<Adding>().unwrap();
     let hot = Point { oil_temp_c: 80.0, ..Point::current(0.5) };
-    block.start(&hot, 10.0);
+    Dynamic::start(block, &hot, 10.0);
     assert_eq!(block.step(&hot, 10.0, Step::rest(10.0)).to, 12.0);
     assert_eq!(block.step(&Point::current(0.5), 10.0, Step::rest(10.0)).to, 10.0);
 }
