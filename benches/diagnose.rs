@@ -54,6 +54,9 @@ mod remembered;
 #[path = "../src/diagnose/screen.rs"]
 #[allow(dead_code)]
 mod screen;
+#[path = "../src/diagnose/simulator.rs"]
+#[allow(dead_code)]
+mod simulator;
 #[path = "../src/diagnose/trust.rs"]
 #[allow(dead_code, unused_imports)]
 mod trust;
