@@ -12,11 +12,12 @@
 //!
 //! Source: bulk modulus of a liquid with entrained air, Merritt, Hydraulic Control Systems, Wiley 1967, section 2.3.
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::first_order_lag::LINEAR;
 use super::flow::{Flow, RESOLUTION_BAR, towards};
 use super::power::Power;
+use super::signal::{Point, Step};
 use crate::units::{RATIO, TIME};
 
 /// The effect `air_entrainment`.

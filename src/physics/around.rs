@@ -1,9 +1,10 @@
 //! The effects about a model that is not ours: what acts ahead of it, on its command, and what acts behind it, on its
 //! pressure. Its own curve, lag and dead time stay its own.
 
-use super::block::{Block, Pointwise, Signals};
+use super::block::{Block, Pointwise};
 use super::effect::Stage;
 use super::pipeline::{Pipeline, spread};
+use super::signal::Signals;
 
 impl Pipeline<'_> {
     /// Whether an effect acts ahead of the curve by more than a dead time, so that the model behind it gets another command.

@@ -10,9 +10,10 @@
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.2 (laminar restrictors); check valves, section 7.
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, LinearForm, Nested, Parameter, Stage, Theta};
 use super::flow::{RESOLUTION_BAR, along_line};
+use super::signal::{Point, Step};
 use crate::units::TIME;
 
 /// The effect `asymmetric_lag`.
@@ -101,7 +102,7 @@ impl Dynamic for OneWay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::block::Arrival;
+    use crate::physics::signal::Arrival;
 
     #[test]
     fn steps_up_and_down_have_time_constants_of_their_own() {

@@ -3,10 +3,11 @@
 //! Blocks that know values only run over the samples. From the first to the last dynamic block signals are followed as
 //! steps, on a grid that divides the samples where what stands second or later is too fast for them.
 
-use super::block::{Arrival, Block, Dynamic, Point, Pointwise, Signals, Step};
+use super::block::{Block, Dynamic, Pointwise};
 use super::effect::{Context, Effect, Stage};
 use super::follow::{Link, Middle, Track, follow};
 use super::linear::FirstOrder;
+use super::signal::{Arrival, Point, Signals, Step};
 
 /// Longest inner step of several dynamic blocks: in units of the shortest time of one that is not linear; of linear ones
 /// that stand together, of the fastest or of the slowest.

@@ -15,8 +15,9 @@
 //! Source: copper 0.0039 1/K; thermal RC as in Incropera, Fundamentals of Heat and Mass Transfer, 6th ed., section
 //! 5.1 (lumped capacitance).
 
-use super::block::{Arrival, Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
+use super::signal::{Arrival, Point};
 use crate::units::{RATIO, TIME};
 
 /// The effect `coil_heating`.

@@ -1,9 +1,9 @@
 //! A model over a recording that is made ready: what every command that compares the two sees.
 
-use super::block::Signals;
 use super::error::PhysicsError;
 use super::finite::blame;
 use super::pipeline::Pipeline;
+use super::signal::Signals;
 use crate::course::{Course, Run};
 use crate::valve::Valve;
 

@@ -11,9 +11,10 @@
 //!
 //! Source: Krejci and Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185 (creep operator, spectrum of lags).
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
+use super::signal::{Point, Step};
 use crate::units::{RATIO, TIME};
 
 /// The effect `creep`.

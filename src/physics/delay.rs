@@ -1,6 +1,6 @@
 //! A dead time that need not be a whole number of samples.
 
-use super::block::Arrival;
+use super::signal::Arrival;
 use crate::valve::Input;
 
 /// A part of a step that is rounding: a delay so near to whole steps is whole.

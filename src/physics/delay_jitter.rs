@@ -20,8 +20,9 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::block::{Block, Point, Pointwise, Through};
+use super::block::{Block, Pointwise, Through};
 use super::effect::{Context, Effect, Kind, LinearForm, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::signal::Point;
 use crate::units::TIME;
 
 /// The effect `delay_jitter`.

@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
-use super::block::{Arrival, Block};
+use super::block::Block;
 use super::error::PhysicsError;
+use super::signal::Arrival;
 use crate::units::Unit;
 use crate::valve::{EffectSpec, ReferenceCurves, Valve};
 

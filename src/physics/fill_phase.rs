@@ -14,8 +14,9 @@
 //!
 //! Source: US patent 7,574,906 (fill volume); Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice).
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
+use super::signal::{Point, Step};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `fill_phase`.

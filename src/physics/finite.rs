@@ -1,8 +1,8 @@
 //! Which effect and which parameter take a simulation out of the numbers.
 
-use super::block::Signals;
 use super::error::PhysicsError;
 use super::pipeline::Pipeline;
+use super::signal::Signals;
 
 /// The error of a simulation whose pressure is not finite at sample `k` of a grid that begins at `start_s` with steps
 /// of `dt_s`: found by taking out one effect after the other, then by giving its parameters their first starts.

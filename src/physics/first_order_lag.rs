@@ -11,10 +11,11 @@
 //!
 //! Source: paper, Eq. (12), k e^(-T_d s) / (tau s + 1); orifice: Merritt, Wiley 1967, section 3.3.
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, LinearForm, Parameter, Stage, Theta};
 use super::flow::{Flow, RESOLUTION_BAR};
 use super::linear::FirstOrder;
+use super::signal::{Point, Step};
 use crate::units::{RATIO, TIME};
 use crate::valve::Valve;
 

@@ -14,10 +14,11 @@
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 3.3 (orifice flow into a volume) and 5.2 (a metering
 //! edge, linear in its opening until it is open).
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::flow::{RESOLUTION_BAR, along_line};
 use super::power::Power;
+use super::signal::{Point, Step};
 use crate::units::{PRESSURE, PRESSURE_RATE, RATIO};
 
 /// The effect `flow_limit`.

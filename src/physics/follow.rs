@@ -1,7 +1,7 @@
 //! From the first to the last dynamic block of a chain, on a grid that divides the samples; of one chain, or of several side by side.
 
-use super::abreast::{Following, Lane};
-use super::block::{Arrival, Block, Courses, Signals, Step};
+use super::block::{Block, Following, Lane};
+use super::signal::{Arrival, Courses, Signals, Step};
 
 /// Inner steps handled together; small enough for the level-1 cache.
 const CHUNK: usize = 256;

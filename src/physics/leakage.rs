@@ -12,10 +12,11 @@
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, sections 3.2 and 3.3 (laminar and orifice flow).
 
-use super::block::{Block, Dynamic, Point, Pointwise, Step};
+use super::block::{Block, Dynamic, Pointwise};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
 use super::power::Power;
+use super::signal::{Point, Step};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `leakage`.

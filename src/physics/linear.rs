@@ -1,6 +1,7 @@
 //! Linear blocks, exact for a step whose input jumps once and is a parabola besides.
 
-use super::block::{Arrival, Dynamic, Point, Step};
+use super::block::Dynamic;
+use super::signal::{Arrival, Point, Step};
 
 /// Below this ratio of step to time constant the moments are summed as series.
 const SMALL: f64 = 0.2;

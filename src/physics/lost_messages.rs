@@ -13,8 +13,9 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::block::{Block, Point, Pointwise, Through};
+use super::block::{Block, Pointwise, Through};
 use super::effect::{Context, Effect, Kind, Parameter, Stage, Theta};
+use super::signal::Point;
 use crate::units::RATIO;
 
 /// The effect `lost_messages`.

@@ -3,7 +3,6 @@
 //! A signal goes through the valve stage by stage ([`Stage`]); an effect names its stage, so it can be added to
 //! any model. `run --sim`, `simulate`, `identify` and `diagnose` all use this one pipeline.
 
-mod abreast;
 mod air_entrainment;
 mod around;
 mod asymmetric_lag;
@@ -52,6 +51,7 @@ mod sensor_missing_codes;
 mod sensor_outliers;
 mod sensor_quantization;
 mod sensor_zero;
+mod signal;
 mod simulate;
 mod spool_friction;
 mod staircase;
@@ -64,7 +64,7 @@ mod thermal_zero;
 mod transport_delay;
 mod wandering_tone;
 
-pub use block::{Arrival, Block, Courses, Dynamic, Point, Pointwise, Signals, Step};
+pub use block::{Block, Dynamic, Pointwise};
 pub use course::{Misfit, signals, simulate_course};
 pub use delay::{Delay, DelayLine};
 pub use discovered::{Discovered, Factor, MOST_FACTORS, Seen, Shape, State, StateKind, Term, Tracker, numbers, state_text, written};
@@ -75,6 +75,7 @@ pub use oil_viscosity::REFERENCE_C;
 pub use pipeline::{MOST_INNER, Pipeline, Stages, pressure_stages_abreast};
 pub use plant::Plant;
 pub use resolve::{resolve, specification};
+pub use signal::{Arrival, Courses, Point, Signals, Step};
 pub use simulate::{simulate, simulate_with};
 
 /// Every effect that a model can have and a diagnosis can name. Adding one: a file, and its line here.

@@ -11,9 +11,10 @@
 //!
 //! Source: Krejci and Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185 (Prandtl-Ishlinskii operator).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::reversal_dead_band::Play;
+use super::signal::Point;
 use crate::units::{CURRENT, PRESSURE_PER_CURRENT, RATIO};
 
 /// The effect `nonlocal_memory`.

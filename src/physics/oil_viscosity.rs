@@ -12,9 +12,10 @@
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, section 2.2 (viscosity falls exponentially with temperature) and
 //! 3.2 (laminar restrictors).
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Channel, Context, Effect, LinearForm, Nested, Parameter, Stage, Theta};
 use super::flow::{RESOLUTION_BAR, along_line};
+use super::signal::{Point, Step};
 use crate::units::{RATIO, TIME};
 
 /// The effect `oil_viscosity`.
@@ -100,7 +101,7 @@ impl Dynamic for Thick {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::block::Arrival;
+    use crate::physics::signal::Arrival;
 
     #[test]
     fn cold_oil_is_slower_by_the_exponential_of_its_temperature() {

@@ -13,8 +13,9 @@
 //!
 //! Source: Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., section 4.2 (aliasing).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Hint, Parameter, Sampling, Scatter, ScatterFinding, Stage, Theta};
+use super::signal::Point;
 use super::wandering_tone::wandering_tone;
 use crate::units::{FREQUENCY, PRESSURE};
 

@@ -1,12 +1,13 @@
 //! The pipeline: a whole recorded current through a valve model, free-running from its own start.
 
 use super::Effect;
-use super::block::{Block, Pointwise, Signals};
+use super::block::{Block, Pointwise};
 use super::chain::{Behind, Chain};
 use super::delay::Delay;
 use super::effect::{Context, Stage};
 use super::error::PhysicsError;
 use super::resolve::resolve;
+use super::signal::Signals;
 use crate::valve::{Hysteresis, Input, ReferenceCurves, Valve};
 
 /// Inner steps of a sample at most: with these every effect gives the same pressure however often is sampled, to a hundredth of its swing

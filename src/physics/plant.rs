@@ -4,11 +4,12 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
-use super::block::{Point, Pointwise, Signals};
+use super::block::Pointwise;
 use super::chain::Chain;
 use super::delay::{Delay, DelayLine};
 use super::error::PhysicsError;
 use super::pipeline::Pipeline;
+use super::signal::{Point, Signals};
 use crate::valve::{Hysteresis, HysteresisState, Input, ReferenceCurves, Valve};
 
 /// A simulated valve: a command in, which it holds until the next one, and the pressure measured at the instant of the

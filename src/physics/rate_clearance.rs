@@ -1,7 +1,7 @@
 //! A play before the curve whose size changes with the speed of the current.
 
-use super::block::{Arrival, Step};
 use super::reversal_dead_band::Play;
+use super::signal::{Arrival, Step};
 use crate::valve::ReferenceCurves;
 
 /// The play at work.

@@ -14,10 +14,11 @@
 //!
 //! Source: Al Janaideh, Krejci and Monteiro, Appl. Math. 68 (2023), rate-dependent Prandtl-Ishlinskii operators.
 
-use super::block::{Arrival, Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::power::Power;
 use super::rate_clearance::RateClearance;
+use super::signal::{Arrival, Point, Step};
 use crate::units::{CURRENT, PRESSURE, RATIO, TIME};
 
 /// The effect `rate_dependent_hysteresis`.

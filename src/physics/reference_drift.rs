@@ -12,8 +12,9 @@
 //! Source: paper, discussion of the error due to oil temperature; Merritt, Hydraulic Control Systems, Wiley 1967,
 //! section 2.2 (viscosity and temperature).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
+use super::signal::Point;
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `reference_drift`.

@@ -10,8 +10,9 @@
 //!
 //! Source: de Boor, A Practical Guide to Splines, Springer 2001, chapter III (broken lines).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Kind, Parameter, Stage, Theta};
+use super::signal::Point;
 use crate::units::PRESSURE;
 
 /// The effect `reference_shape`.

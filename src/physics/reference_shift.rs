@@ -15,8 +15,9 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Hint, Parameter, Sampling, Stage, Theta};
+use super::signal::Point;
 use crate::units::{CURRENT, PRESSURE, RATIO, TIME};
 use crate::valve::ReferenceCurves;
 

@@ -11,8 +11,9 @@
 //!
 //! Source: play operator, Brokate and Sprekels, Hysteresis and Phase Transitions, Springer 1996, section 2.3.
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
+use super::signal::Point;
 use crate::units::CURRENT;
 
 /// The effect `reversal_dead_band`.

@@ -13,9 +13,10 @@
 //! Source: IEC 61298-2 (dead band); play operator, Brokate and Sprekels, Hysteresis and Phase Transitions, Springer 1996,
 //! section 2.3.
 
-use super::block::{Block, Dynamic, Point, Pointwise, Step};
+use super::block::{Block, Dynamic, Pointwise};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::reversal_dead_band::Play;
+use super::signal::{Point, Step};
 use crate::units::PRESSURE;
 
 /// The effect `sensor_dead_band`.

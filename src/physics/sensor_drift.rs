@@ -10,9 +10,10 @@
 //!
 //! Source: Doebelin, Measurement Systems, 5th ed., section 3.2 (zero drift).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Parameter, Stage, Theta};
 use super::reference_drift::SlowChange;
+use super::signal::Point;
 use crate::units::{PRESSURE, TIME};
 
 /// The effect `sensor_drift`.

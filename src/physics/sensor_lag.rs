@@ -11,9 +11,10 @@
 //!
 //! Source: Doebelin, Measurement Systems, 5th ed., section 3.3 (first- and second-order instruments).
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, LinearForm, Nested, Parameter, Stage, Theta};
 use super::linear::FirstOrder;
+use super::signal::{Point, Step};
 use crate::units::{RATIO, TIME};
 
 /// The effect `sensor_lag`.
@@ -93,7 +94,7 @@ impl Dynamic for TwoStages {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::block::Arrival;
+    use crate::physics::signal::Arrival;
 
     /// Of two like stages: 1 - (1 + t / tau) exp(-t / tau), however finely it is read.
     #[test]

@@ -12,9 +12,10 @@
 //!
 //! Source: IEEE Std 1241-2010, Terminology and Test Methods for Analog-to-Digital Converters (missing codes).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use super::missing_codes::{Comb, comb};
+use super::signal::Point;
 use crate::units::PRESSURE;
 
 /// The effect `sensor_missing_codes`.

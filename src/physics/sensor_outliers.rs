@@ -17,8 +17,9 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-use super::block::{Block, Point, Pointwise, Through};
+use super::block::{Block, Pointwise, Through};
 use super::effect::{Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::signal::Point;
 use crate::units::{PRESSURE, RATIO};
 
 /// The effect `sensor_outliers`.

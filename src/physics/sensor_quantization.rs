@@ -11,9 +11,10 @@
 //!
 //! Source: Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 1.
 
-use super::block::{Block, Point, Pointwise, Through};
+use super::block::{Block, Pointwise, Through};
 use super::effect::{Context, Effect, Kind, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use super::missing_codes::digit;
+use super::signal::Point;
 use crate::units::PRESSURE;
 
 /// The effect `sensor_quantization`.

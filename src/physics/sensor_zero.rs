@@ -10,8 +10,9 @@
 //!
 //! Source: Doebelin, Measurement Systems, 5th ed., section 3.2 (zero and sensitivity); IEC 61298-2 (zero error).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, LinearForm, Parameter, Stage, Theta};
+use super::signal::Point;
 use crate::units::PRESSURE;
 
 /// The effect `sensor_zero`.

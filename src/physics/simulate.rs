@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-use super::block::Signals;
 use super::error::PhysicsError;
 use super::finite::blame;
 use super::pipeline::Pipeline;
+use super::signal::Signals;
 use crate::valve::{Input, Valve};
 
 /// Time steps of which one differs by more than this share from their mean are resampled.

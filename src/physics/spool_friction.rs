@@ -14,8 +14,9 @@
 //! Source: Dahl, AIAA Journal 14 (1976) 1675; Olsson, Astrom, Canudas de Wit, Gafvert and Lischinsky, Eur. J. Control 4 (1998)
 //! 176 (presliding, Stribeck).
 
-use super::block::{Arrival, Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Nested, Parameter, Stage, Theta};
+use super::signal::{Arrival, Point};
 use super::stiction::FELT_S;
 use crate::units::{CURRENT, CURRENT_RATE, RATIO};
 

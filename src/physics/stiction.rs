@@ -19,8 +19,9 @@
 //! Source: He, Wang, Pottmann and Qin, Ind. Eng. Chem. Res. 46 (2007) 4549; Choudhury, Thornhill and Shah, Control
 //! Eng. Practice 13 (2005) 641.
 
-use super::block::{Arrival, Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Hint, Parameter, Scatter, ScatterFinding, Stage, Theta};
+use super::signal::{Arrival, Point};
 use super::staircase::staircase;
 use super::stick_slip::{stick_slip, stick_slip_elsewhere};
 use crate::units::{CURRENT, CURRENT_RATE, RATIO};

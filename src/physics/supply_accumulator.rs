@@ -12,8 +12,9 @@
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, chapter 7 (hydraulic power elements, accumulators).
 
-use super::block::{Arrival, Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, Nested, Parameter, Stage, Theta};
+use super::signal::{Arrival, Point, Step};
 use crate::units::{PRESSURE, RATIO, TIME};
 
 /// The effect `supply_accumulator`.

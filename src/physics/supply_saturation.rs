@@ -12,9 +12,10 @@
 //!
 //! Source: Merritt, Hydraulic Control Systems, Wiley 1967, chapter 7 (hydraulic power elements).
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Context, Effect, Hint, Parameter, Scatter, ScatterFinding, Stage, Theta};
 use super::sag::{densest, sags};
+use super::signal::Point;
 use crate::units::{PRESSURE, TIME};
 
 /// A reading is too low by this many times the scale of what the model leaves: one in a thousand by chance.

@@ -11,8 +11,9 @@
 //! Source: Doebelin, Measurement Systems, 5th ed., section 3.2 (temperature drift of zero and sensitivity); paper, on the
 //! change of the curves with the oil temperature.
 
-use super::block::{Block, Point, Pointwise};
+use super::block::{Block, Pointwise};
 use super::effect::{Channel, Context, Effect, Parameter, Stage, Theta};
+use super::signal::Point;
 use crate::units::{RATIO, TEMPERATURE};
 
 /// The effect `thermal_gain`.

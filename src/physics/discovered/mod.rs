@@ -24,9 +24,10 @@ pub use formula::{Factor, MOST_FACTORS, Shape, Term, numbers, state_text, terms}
 pub use state::{State, StateKind};
 pub use tracker::{Seen, Tracker};
 
-use super::block::{Block, Dynamic, Point, Step};
+use super::block::{Block, Dynamic};
 use super::effect::{Channel, Context, Effect, Parameter, Stage, Theta};
 use super::error::PhysicsError;
+use super::signal::{Point, Step};
 use crate::valve::EffectSpec;
 use formula::{FormulaError, quantity, state_of};
 
