@@ -312,10 +312,14 @@ impl<'a> Model<'a> {
         )
     }
 
+    /// All its effects with their values: those of the valve file, and those whose parameters are free.
+    pub fn valued(&self, theta: &[f64]) -> Vec<(&'static dyn Effect, Vec<f64>)> {
+        let free = self.effects.iter().enumerate().map(|(k, e)| (*e, theta[self.place(k)].to_vec()));
+        self.fixed.iter().cloned().chain(free).collect()
+    }
+
     pub(super) fn pipeline<'c>(&self, curves: &'c ReferenceCurves, theta: &[f64]) -> Pipeline<'c> {
         let base = Base::of(theta);
-        let mut effects = self.fixed.clone();
-        effects.extend(self.effects.iter().enumerate().map(|(k, e)| (*e, theta[self.place(k)].to_vec())));
         let hysteresis = match self.valve.hysteresis {
             other @ (Hysteresis::None | Hysteresis::Free(_)) => other,
             Hysteresis::Hyperbolic { .. } => Hysteresis::Hyperbolic { a_bar2: base.ln_a.exp() },
@@ -328,7 +332,7 @@ impl<'a> Model<'a> {
             floor_bar: self.valve.floor_bar,
             input: Input::Ramp,
             most_inner: MOST_INNER,
-            effects,
+            effects: self.valued(theta),
         }
     }
 

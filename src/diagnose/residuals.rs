@@ -58,14 +58,15 @@ impl Findings<'_, '_> {
     }
 }
 
-/// How long the base of a model and its linear effects remember [s].
+/// How long a model remembers a current that went before [s]: its base, and the effects that it was given with or that were found.
 fn remembers_s(fit: &Fit<'_>) -> f64 {
     let mut base = Base::of(&fit.theta);
-    for (k, effect) in fit.model.effects.iter().enumerate() {
-        if let Some(linear) = effect.linear(&fit.theta[fit.model.place(k)]) {
-            base.late += linear.delay_s + linear.lag_s;
-            base.lag += linear.lag_s;
-        }
+    for (effect, values) in fit.model.valued(&fit.theta) {
+        let moves_by_itself_s = Some(effect.shortest_s(&values)).filter(|time_s| time_s.is_finite());
+        let (delay_s, lag_s) =
+            effect.linear(&values).map_or((0.0, moves_by_itself_s.unwrap_or(0.0)), |linear| (linear.delay_s, linear.lag_s));
+        base.late += delay_s + lag_s;
+        base.lag += lag_s;
     }
     base.memory_s()
 }
