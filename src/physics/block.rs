@@ -34,19 +34,6 @@ pub trait Dynamic: Send {
     fn start(&mut self, at: &Point, input: f64);
     /// The output over a step of its input, which began at the value `from`.
     fn step(&mut self, at: &Point, from: f64, input: Step) -> Step;
-    /// Replaces a whole signal, once started; `from` is its value before.
-    fn run(&mut self, at: &Signals<'_>, mut from: f64, signal: &mut Courses<'_>) {
-        let points = at.oil_temp_c.is_some() || at.supply_bar.is_some();
-        let n = signal.to.len();
-        let (to, mean, jump) = (&mut signal.to[..n], &mut signal.mean[..n], &mut signal.jump[..n]);
-        for k in 0..n {
-            let point = if points { at.at(k) } else { Point::current(at.current_a[k]) };
-            let input = Step { to: to[k], mean: mean[k], jump: jump[k] };
-            let output = self.step(&point, from, input);
-            from = input.to;
-            (to[k], mean[k], jump[k]) = (output.to, output.mean, output.jump);
-        }
-    }
 }
 
 /// The signal of one block, of several side by side.
@@ -57,6 +44,24 @@ pub struct Lane<'l> {
     pub from: f64,
     /// Its input, and then its output.
     pub signal: Courses<'l>,
+}
+
+impl Lane<'_> {
+    /// Whether more than the current was recorded.
+    fn has_points(&self) -> bool {
+        self.at.oil_temp_c.is_some() || self.at.supply_bar.is_some()
+    }
+
+    /// Replaces step `k` by what the block makes of it.
+    #[inline]
+    fn step<B: Dynamic>(&mut self, block: &mut B, k: usize, has_points: bool) {
+        let Self { at, from, signal } = self;
+        let input = Step { to: signal.to[k], mean: signal.mean[k], jump: signal.jump[k] };
+        let point = if has_points { at.at(k) } else { Point::current(at.current_a[k]) };
+        let output = block.step(&point, *from, input);
+        *from = input.to;
+        (signal.to[k], signal.mean[k], signal.jump[k]) = (output.to, output.mean, output.jump);
+    }
 }
 
 /// A dynamic block of whatever kind.
@@ -81,7 +86,10 @@ impl<B: Dynamic + 'static> Following for B {
     }
 
     fn run(&mut self, lane: &mut Lane<'_>) {
-        Dynamic::run(self, &lane.at, lane.from, &mut lane.signal);
+        let has_points = lane.has_points();
+        for k in 0..lane.signal.to.len() {
+            lane.step(self, k, has_points);
+        }
     }
 
     fn run_abreast(&mut self, others: Vec<&mut dyn Following>, lanes: &mut [Lane<'_>]) {
@@ -89,14 +97,10 @@ impl<B: Dynamic + 'static> Following for B {
         let mut blocks: Vec<&mut B> = std::iter::once(self).chain(others).collect();
         debug_assert_eq!(blocks.len(), lanes.len(), "blocks of one kind, each with its signal");
         let length = lanes.iter().map(|lane| lane.signal.to.len()).min().unwrap_or(0);
-        let points = lanes.iter().any(|lane| lane.at.oil_temp_c.is_some() || lane.at.supply_bar.is_some());
+        let has_points = lanes.iter().any(Lane::has_points);
         for k in 0..length {
-            for (block, Lane { at, from, signal }) in blocks.iter_mut().zip(lanes.iter_mut()) {
-                let input = Step { to: signal.to[k], mean: signal.mean[k], jump: signal.jump[k] };
-                let point = if points { at.at(k) } else { Point::current(at.current_a[k]) };
-                let output = block.step(&point, *from, input);
-                *from = input.to;
-                (signal.to[k], signal.mean[k], signal.jump[k]) = (output.to, output.mean, output.jump);
+            for (block, lane) in blocks.iter_mut().zip(lanes.iter_mut()) {
+                lane.step(*block, k, has_points);
             }
         }
     }

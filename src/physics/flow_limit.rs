@@ -129,6 +129,13 @@ impl Limit {
         }
     }
 
+    /// The limit upwards or downwards from a pressure [bar per step].
+    #[inline]
+    fn limit(&self, up: bool, output: f64) -> f64 {
+        let (rate, _, drive) = self.driven(up, output);
+        rate * self.shape.as_ref().map_or(1.0, |(_, power)| power.of(drive.max(LEAST_SHARE)))
+    }
+
     /// From `output` behind an input on a straight line from `a` to `b` in `share` of a step, and the integral over it: at the limit until
     /// the band, as a lag within it, and without one along with the input.
     #[inline]
@@ -147,9 +154,7 @@ impl Limit {
         if self.band == 0.0 {
             return (b, sum + 0.5 * rest * (a + b));
         }
-        let (rate, _, drive) = self.driven(b > output, output);
-        let rate = rate * self.shape.as_ref().map_or(1.0, |(_, power)| power.of(drive.max(LEAST_SHARE)));
-        let (end, mean) = along_line(output, rest * rate / self.band, a, b);
+        let (end, mean) = along_line(output, rest * self.limit(b > output, output) / self.band, a, b);
         (end, sum + rest * mean)
     }
 
@@ -163,13 +168,10 @@ impl Limit {
         if before.abs().max(after.abs()) + beyond <= self.band {
             return RESOLUTION_BAR;
         }
-        if input.jump == 0.0 && (before > 0.0) == (after > 0.0) {
-            let (rate, _, drive) = self.driven(after > 0.0, self.output);
-            // It falls on the way.
-            let most = rate * self.shape.as_ref().map_or(1.0, |(_, power)| power.of(drive.max(LEAST_SHARE)));
-            if before.abs().min(after.abs()) - beyond > self.band + most {
-                return f64::INFINITY;
-            }
+        let stays = |limit: f64| before.abs().min(after.abs()) - beyond > self.band + limit;
+        // The limit falls on the way.
+        if input.jump == 0.0 && (before > 0.0) == (after > 0.0) && stays(self.limit(after > 0.0, self.output)) {
+            return f64::INFINITY;
         }
         (change.max(input.jump.abs()).max(bow) / PARTS).max(self.free).max(LEAST_PART_BAR)
     }
