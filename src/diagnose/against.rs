@@ -48,6 +48,11 @@ impl<'f, 'a> Against<'f, 'a> {
         BETWEEN.map(values).into_iter().map(|values| self.at(&values) + on_record(&values)).fold(f64::INFINITY, f64::min)
     }
 
+    /// Error on that data without the effect, and with these values of it [bar]; the base makes room for them.
+    pub fn errors_bar(&self, values: &[f64]) -> (f64, f64) {
+        (self.without.rmse_bar, self.fit(&self.start, values, true).rmse_bar)
+    }
+
     fn nats(&self, fit: &Fit<'_>) -> f64 {
         self.fitter.objective(fit) * self.fitter.effective()
     }

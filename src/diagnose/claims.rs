@@ -61,7 +61,7 @@ impl Findings<'_, '_> {
             let of = |is: fn(&dyn Effect) -> bool| effect(&f.id).is_some_and(is);
             match self.good {
                 None if self.fitter.evidence.base.is_some() => of(|e| e.kind() == Kind::Form),
-                None => of(|e| e.imitates_form()),
+                None => f.claim == Claim::Lacks && of(|e| e.imitates_form()),
                 Some(_) if of(|e| e.kind() == Kind::Form) => true,
                 Some(good) => f.claim == Claim::Lacks && (of(|e| e.imitates_form()) || !good.is_identification || !follows),
             }
@@ -167,7 +167,14 @@ impl Findings<'_, '_> {
     pub fn claim(&self, k: usize, good: Option<&Good>, without: &Fit<'_>, gain_bar: Option<(f64, f64)>) -> Claim {
         let chosen = &self.search.chosen;
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
-        let Some(good) = good.filter(|good| !self.shows_where_unseen(good, without, effect.imitates_form())) else { return Claim::Lacks };
+        let is_shown = |good: &&Good| !self.shows_where_unseen(good, without, effect.imitates_form());
+        let confirmed = || !chosen.at_bound(k) && gain_bar.is_some_and(|i| i.0 > 0.0);
+        let Some(good) = good.filter(is_shown) else {
+            let witness = self.witness.filter(|_| effect.imitates_form() && confirmed());
+            let off_bar = (self.fitter.floor_bar, without.rmse_bar);
+            let is_denied = witness.is_some_and(|witness| witness.denies(effect, theta, &self.fitter.criteria, off_bar));
+            return if is_denied { Claim::Changed } else { Claim::Lacks };
+        };
         let criteria = &self.fitter.criteria;
         let is_denied = criteria.denies(without.prior_nats - chosen.prior_nats);
         // A loop whose form had to be corrected by the same effect already has changed its form only on paper, unless the record would need
@@ -182,7 +189,7 @@ impl Findings<'_, '_> {
             return Claim::Lacks;
         }
         // Nor one that held-out data does not confirm, or that had to go to the end of its range.
-        if effect.imitates_form() && (chosen.at_bound(k) || gain_bar.is_none_or(|i| i.0 <= 0.0)) {
+        if effect.imitates_form() && !confirmed() {
             return Claim::Lacks;
         }
         let fitter = self.where_searched();

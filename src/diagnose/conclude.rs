@@ -1,7 +1,7 @@
 //! From fits to a diagnosis: the verdict, the figures, the words.
 
 use super::base::{AT, BASE, Base};
-use super::diagnosis::{Change, Curves, Diagnosed, Diagnosis, Errors, SCHEMA, Verdict};
+use super::diagnosis::{Change, Claim, Curves, Diagnosed, Diagnosis, Errors, SCHEMA, Verdict};
 use super::errors::Curvature;
 use super::evidence::MIDDLE;
 use super::evidence::rms;
@@ -15,6 +15,7 @@ use super::remainder::remainder;
 use super::scatter::{Scattered, give_back, mask};
 use super::search::Search;
 use super::simulator::Simulator;
+use super::witness::Witness;
 use crate::recording::Recording;
 use crate::valve::Valve;
 
@@ -27,6 +28,8 @@ pub struct Beside<'s> {
     pub given: &'s Model<'s>,
     /// What data of the good valve says, where there is some.
     pub good: Option<&'s Good>,
+    /// Slower data of the good valve, where that is all there is.
+    pub witness: Option<Witness<'s>>,
     /// What the effects of the scatter found.
     pub scattered: &'s [Scattered],
     /// Samples before the valve has settled from where it stood.
@@ -42,9 +45,9 @@ impl<'s> Beside<'s> {
         (fitter, looking): (&'s Fitter<'s>, Option<&'s Fitter<'s>>),
         search: Search<'a>,
     ) -> (Diagnosed, Search<'a>) {
-        let Self { recording, given, good, scattered, unsettled } = self;
+        let Self { recording, given, good, witness, scattered, unsettled } = self;
         let weighed = Vec::new();
-        let findings = Findings { recording, given, base, good, fitter, looking, search, scattered, unsettled, weighed }.weighed();
+        let findings = Findings { recording, given, base, good, witness, fitter, looking, search, scattered, unsettled, weighed }.weighed();
         (findings.conclude(), findings.search)
     }
 }
@@ -59,6 +62,8 @@ pub struct Findings<'s, 'a> {
     pub base: &'s Model<'a>,
     /// What data of the good valve says, where there is some.
     pub good: Option<&'s Good>,
+    /// Slower data of the good valve, where that is all there is.
+    pub witness: Option<Witness<'s>>,
     /// The fitter, with outliers masked.
     pub fitter: &'s Fitter<'s>,
     /// The fitter of the part of the recording that the search has looked at, where that is not all.
@@ -213,7 +218,7 @@ impl<'a> Findings<'_, 'a> {
                 good.rmse_bar.0,
                 good.rmse_bar.1
             )),
-            None if effects.is_empty() => {}
+            None if effects.iter().all(|f| f.claim == Claim::Changed) => {}
             None => notes.push(
                 "whether the valve has changed is not said: a drive of the good valve with movements as fast as these would decide it (--reference GOOD.csv, or several recordings to `hil identify`)".into(),
             ),

@@ -99,12 +99,7 @@ impl Good {
     /// [`DiagnoseError`] where that data cannot be used, or does not belong to the model.
     pub fn of(recordings: &[Recording], valve: &Valve, foreign: Option<&Foreign>, record: &Evidence) -> Result<Self, DiagnoseError> {
         let names: Vec<String> = recordings.iter().map(|r| r.source.clone()).collect();
-        let all = Recording {
-            source: names.join(", "),
-            runs: recordings.iter().flat_map(|r| r.runs.iter().cloned()).collect(),
-            notes: Vec::new(),
-            input: recordings.iter().find_map(|r| r.input),
-        };
+        let all = together(recordings);
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
         let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
         (evidence.criteria, evidence.remembered) = (record.criteria, record.remembered.clone());
@@ -257,6 +252,17 @@ impl Good {
         let against = Against::of(&fitter, &base.on(&self.evidence), effect);
         let own = against.at(theta).min(slowly);
         recalibrated.map_or(own, |base| own.min(against.at_recalibrated(base, theta)).min(against.between(theta, on_record)))
+    }
+}
+
+/// Several recordings of one valve as one.
+pub fn together(recordings: &[Recording]) -> Recording {
+    let names: Vec<&str> = recordings.iter().map(|r| r.source.as_str()).collect();
+    Recording {
+        source: names.join(", "),
+        runs: recordings.iter().flat_map(|r| r.runs.iter().cloned()).collect(),
+        notes: Vec::new(),
+        input: recordings.iter().find_map(|r| r.input),
     }
 }
 

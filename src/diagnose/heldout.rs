@@ -177,20 +177,18 @@ pub fn carried_forward(fitter: &Fitter<'_>, with: &Fit<'_>, without: &Fit<'_>) -
 pub fn held_out(fitter: &Fitter<'_>, fit: &Fit<'_>, steps: usize) -> HeldOut {
     let block = blocks(fitter);
     let near = guards(&block, gap_samples(fitter, fit));
-    let mut residual = vec![f64::NAN; fitter.measured.len()];
-    let mut predicted = Vec::new();
-    for half in 0..2 {
+    let predicted = |half: usize| {
         let seen = |((y, b), near): ((&f64, &usize), &bool)| if b % 2 == half || *near { f64::NAN } else { *y };
         let measured = fitter.measured.iter().zip(&block).zip(&near).map(seen).collect();
         let other = fitter.seeing(measured);
         let theta = if steps == 0 { fit.theta.clone() } else { other.polish(&fit.model, &fit.theta, steps).theta };
+        let mut predicted = Vec::new();
         Simulator::new(fitter.evidence).pressure(&fit.model, &theta, &mut predicted);
-        for (k, b) in block.iter().enumerate() {
-            if b % 2 == half {
-                residual[k] = fitter.measured[k] - predicted[k];
-            }
-        }
-    }
+        predicted
+    };
+    let halves = rayon::join(|| predicted(0), || predicted(1));
+    let of = |k: usize, b: usize| if b.is_multiple_of(2) { halves.0[k] } else { halves.1[k] };
+    let residual = block.iter().enumerate().map(|(k, b)| fitter.measured[k] - of(k, *b)).collect();
     HeldOut::weighing(fitter, residual, block)
 }
 

@@ -64,6 +64,7 @@ mod story;
 mod trust;
 mod watch;
 mod weigh;
+mod witness;
 mod words;
 
 pub use coil::{CoilCurrent, Side};
@@ -89,6 +90,7 @@ use fit::Fitter;
 use good::Good;
 use model::Model;
 use scatter::{mask, restored, scatter};
+use witness::Witness;
 
 use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Kind};
@@ -161,7 +163,9 @@ fn on_evidence(
     if let Some((mistake, share)) = comparable::mistake(&evidence, valve).map_err(model_error)? {
         return Ok(incomparable::incomparable(recording, &evidence, &given, mistake, share));
     }
+    let slower = Witness { recordings: good, valve };
     let good = if seen::speaks(&evidence, good) { Some(Good::of(good, valve, foreign, &evidence)?) } else { None };
+    let witness = (good.is_none() && foreign.is_none() && !slower.recordings.is_empty()).then_some(slower);
     if let Some(denied) = good.as_ref().filter(|good| good.is_denied()) {
         evidence.notes.push(format!(
             "the model, also with what could be mended, is off by {} RMSE on the one recording that it was identified from: that recording does not vouch for it",
@@ -223,7 +227,7 @@ fn on_evidence(
     hollow.retain(|id| late.iter().all(|s| s.effect.id() != *id));
     scattered.extend(late);
     let null = search.null.clone();
-    let beside = Beside { recording, given: &given, good: good.as_ref(), scattered: &scattered, unsettled: &unsettled };
+    let beside = Beside { recording, given: &given, good: good.as_ref(), witness, scattered: &scattered, unsettled: &unsettled };
     let (mut found, mut search) = beside.answer(&base, (&fitter, looking.as_ref()), search);
     if let Some(note) = guess::guess(&fitter, &found.diagnosis, &search.chosen) {
         search.chosen = null.clone();

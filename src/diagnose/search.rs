@@ -6,7 +6,7 @@ use super::base::{AT, BASE};
 use super::criteria::MOST_EFFECTS;
 use super::excerpt::excerpt;
 use super::fit::{Fit, Fitter};
-use super::heldout::{BLOCK_S, carried_forward, held_out};
+use super::heldout::{BLOCK_S, HeldOut, carried_forward, held_out};
 use super::keeps_place::stays_before_form;
 use super::loss;
 use super::model::Model;
@@ -129,53 +129,60 @@ fn with_lag<'a>(fitter: &Fitter<'_>, fit: Fit<'a>) -> Fit<'a> {
 /// looked at a part only, very strong evidence is asked for on all.
 pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'a> {
     let effective = fitter.effective();
+    // What the fit predicts of stretches held out, where that is known already.
+    let mut known: Option<HeldOut> = None;
     let mut k = fit.model.effects.len();
     while k > 0 {
         k -= 1;
         let less = fitter.refit_without(&fit, k);
         if anew && less.bic(effective) < fit.bic(effective) + fitter.criteria.very_strong {
-            fit = less;
+            (fit, known) = (less, None);
             continue;
         }
         // Blocks in turn tell of a change that is slower than they are; it has to go on as it says.
         let theta = &fit.theta[fit.model.place(k)];
         let slow = fit.model.effects[k].memory_s(theta) > BLOCK_S;
         if slow && carried_forward(fitter, &fit, &less) < fitter.criteria.carried {
-            fit = less;
+            (fit, known) = (less, None);
             continue;
         }
-        let (with, without) = rayon::join(|| held_out(fitter, &fit, 4), || held_out(fitter, &less, 4));
-        // A wander of which nothing is known takes the place of a name that does not go on better than it.
-        let signed = fit.model.signature_nats() - less.model.signature_nats() > fitter.criteria.very_strong;
-        let is_name = !fitter.corrects && fit.model.effects[k].kind() == Kind::Course;
-        if is_name && !signed && with.loses_to_disturbance(fitter, &without) {
-            fit = less;
-            continue;
-        }
-        let (gain, interval, p_value) = with.gain_over(&without);
-        // Few events lie in few blocks, which no test of blocks finds certain; what is gained there is as much as was claimed.
-        let carried = gain > fitter.criteria.carried * (less.rmse_bar - fit.rmse_bar) && fit.rmse_bar < less.rmse_bar;
-        let recalibrates = fit.model.effects[k].recalibrates();
-        let stood_in = (!fitter.squared || recalibrates) && fitter.criteria.denies(less.prior_nats - fit.prior_nats);
-        // Beside a cause that was found, a recalibration that does as well is the plainer answer; beside a form alone it is none where
-        // gain or zero would go beyond what calibration allows.
-        let beside_cause = fit.model.effects[..k].iter().any(|e| !e.imitates_form());
-        let shifted = fitter.criteria.denies(less.recalibration_nats() - fit.recalibration_nats());
-        if k > 0 && !signed && (beside_cause || !shifted) && gain < fitter.criteria.worth * without.rmse_bar() {
-            fit = less;
-            continue;
-        }
-        // Beside a recalibration that data of the good valve does not allow, what adds little to it repairs the repair.
-        let repairs = fitter.is_vouched && fitter.criteria.denies(fit.reshaping_nats());
-        if repairs && !signed && gain < fitter.criteria.alone * with.rmse_bar() {
-            fit = less;
-            continue;
-        }
-        if !stood_in && !signed && !carried && p_value > fitter.criteria.confirmed && interval.is_some_and(|i| i.0 <= 0.0) {
-            fit = less;
+        let (with, without) = rayon::join(|| known.take().unwrap_or_else(|| held_out(fitter, &fit, 4)), || held_out(fitter, &less, 4));
+        if is_confirmed(fitter, (&fit, k), &less, (&with, &without)) {
+            known = Some(with);
+        } else {
+            (fit, known) = (less, Some(without));
         }
     }
     fit
+}
+
+/// Whether held-out stretches confirm effect number `k` of a fit against `less`, the model without it; what the two predict there.
+fn is_confirmed(fitter: &Fitter<'_>, (fit, k): (&Fit<'_>, usize), less: &Fit<'_>, (with, without): (&HeldOut, &HeldOut)) -> bool {
+    let criteria = &fitter.criteria;
+    // A wander of which nothing is known takes the place of a name that does not go on better than it.
+    let signed = fit.model.signature_nats() - less.model.signature_nats() > criteria.very_strong;
+    let is_name = !fitter.corrects && fit.model.effects[k].kind() == Kind::Course;
+    if is_name && !signed && with.loses_to_disturbance(fitter, without) {
+        return false;
+    }
+    let (gain, interval, p_value) = with.gain_over(without);
+    // Few events lie in few blocks, which no test of blocks finds certain; what is gained there is as much as was claimed.
+    let carried = gain > criteria.carried * (less.rmse_bar - fit.rmse_bar) && fit.rmse_bar < less.rmse_bar;
+    let recalibrates = fit.model.effects[k].recalibrates();
+    let stood_in = (!fitter.squared || recalibrates) && criteria.denies(less.prior_nats - fit.prior_nats);
+    // Beside a cause that was found, a recalibration that does as well is the plainer answer; beside a form alone it is none where
+    // gain or zero would go beyond what calibration allows.
+    let beside_cause = fit.model.effects[..k].iter().any(|e| !e.imitates_form());
+    let shifted = criteria.denies(less.recalibration_nats() - fit.recalibration_nats());
+    if k > 0 && !signed && (beside_cause || !shifted) && gain < criteria.worth * without.rmse_bar() {
+        return false;
+    }
+    // Beside a recalibration that data of the good valve does not allow, what adds little to it repairs the repair.
+    let repairs = fitter.is_vouched && criteria.denies(fit.reshaping_nats());
+    if repairs && !signed && gain < criteria.alone * with.rmse_bar() {
+        return false;
+    }
+    stood_in || signed || carried || p_value <= criteria.confirmed || interval.is_none_or(|i| i.0 > 0.0)
 }
 
 /// The candidates once more, each from the best base that anyone has found: otherwise one loses by a base that it did not

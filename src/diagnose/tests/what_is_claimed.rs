@@ -121,3 +121,22 @@ fn a_record_that_begins_within_a_movement_is_explained_all_the_same() {
         assert_eq!((d.verdict, d.effects[0].id.as_str()), (Verdict::Explained, "sensor_zero"), "{}", d.summary);
     }
 }
+
+/// A slow sweep says nothing of a drive as lively as the record, and all that matters of the form of a loop.
+#[test]
+fn a_form_that_a_slow_sweep_of_the_good_valve_denies_has_changed() {
+    let mut worn = valve();
+    worn.effects.push(specification(effect("reversal_dead_band").unwrap(), &[0.03]));
+    let time_s: Vec<f64> = (0..12_000).map(|k| 0.01 * f64::from(k)).collect();
+    let current_a: Vec<f64> = time_s.iter().map(|t| 0.8 - 0.7 * (t / 60.0 - 1.0).abs()).collect();
+    let said = |good: &Valve| {
+        let sweep = read(good, (time_s.clone(), current_a.clone()), 7);
+        diagnose_against(&recording(&worn), &valve(), &[sweep]).unwrap().diagnosis
+    };
+    let changed = said(&valve());
+    let first = changed.effects.first().unwrap_or_else(|| panic!("{}", changed.summary));
+    assert_eq!((first.id.as_str(), first.claim), ("reversal_dead_band", Claim::Changed), "{}", changed.summary);
+    assert!(changed.is_followed() && changed.notes.iter().all(|n| !n.contains("is not said")), "{changed:?}");
+    let as_ever = said(&worn);
+    assert_eq!((as_ever.verdict, as_ever.effects.len()), (Verdict::Match, 0), "{}", as_ever.summary);
+}
