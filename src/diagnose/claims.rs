@@ -169,8 +169,10 @@ impl Findings<'_, '_> {
         let (effect, theta) = (chosen.model.effects[k], &chosen.theta[chosen.model.place(k)]);
         let is_shown = |good: &&Good| !self.shows_where_unseen(good, without, effect.imitates_form());
         let confirmed = || !chosen.at_bound(k) && gain_bar.is_some_and(|i| i.0 > 0.0);
+        let is_sole = self.weighed[k].share >= self.fitter.criteria.credible && self.weighed[k].rest.is_empty();
         let Some(good) = good.filter(is_shown) else {
-            let witness = self.witness.filter(|_| effect.imitates_form() && confirmed());
+            // A form that another effect might be as well says nothing of which of them has changed.
+            let witness = self.witness.filter(|_| effect.imitates_form() && is_sole && confirmed());
             let off_bar = (self.fitter.floor_bar, without.rmse_bar);
             let is_denied = witness.is_some_and(|witness| witness.denies(effect, theta, &self.fitter.criteria, off_bar));
             return if is_denied { Claim::Changed } else { Claim::Lacks };
@@ -183,7 +185,6 @@ impl Findings<'_, '_> {
             return Claim::Lacks;
         }
         // Nor has one whose form is no farther off on the record than a good valve's may be.
-        let is_sole = self.weighed[k].share >= criteria.credible && self.weighed[k].rest.is_empty();
         let may_be_off = form_may_be_off(criteria, self.farther(good).0, is_denied, is_sole);
         if effect.imitates_form() && without.rmse_bar < may_be_off * self.fitter.floor_bar {
             return Claim::Lacks;
