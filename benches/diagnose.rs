@@ -14,7 +14,7 @@ use hil::recording::{Recording, Run};
 use hil::valve::{Input, Valve};
 
 // The fits of the search are no part of the library's interface: its own files are compiled in.
-use hil::{course, least_squares, physics, process_loop, valve};
+use hil::{course, least_squares, physics, process_loop, recording, valve};
 #[path = "../src/diagnose/base.rs"]
 #[allow(dead_code, unused_imports)]
 mod base;

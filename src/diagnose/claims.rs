@@ -173,8 +173,7 @@ impl Findings<'_, '_> {
         let Some(good) = good.filter(is_shown) else {
             // A form that another effect might be as well says nothing of which of them has changed.
             let witness = self.witness.filter(|_| effect.imitates_form() && is_sole && confirmed());
-            let off_bar = (self.fitter.floor_bar, without.rmse_bar);
-            let is_denied = witness.is_some_and(|witness| witness.denies(effect, theta, &self.fitter.criteria, off_bar));
+            let is_denied = witness.is_some_and(|witness| witness.denies(effect, theta, self.fitter, without.rmse_bar));
             return if is_denied { Claim::Changed } else { Claim::Lacks };
         };
         let criteria = &self.fitter.criteria;

@@ -4,9 +4,10 @@ use super::criteria::Criteria;
 use super::error::DiagnoseError;
 use super::foreign::{Base, Foreign};
 use super::remembered::Remembered;
-use crate::course::{Course, CourseError, Input, Run};
+use crate::course::{Course, CourseError, Input, Preparation, Run};
 use crate::physics::{Channel, MOST_INNER, Sampling};
 use crate::process_loop::SLOW_STEP_S;
+use crate::recording::Recording;
 use crate::valve::Valve;
 
 /// Fewest usable samples in all.
@@ -80,6 +81,14 @@ impl Evidence {
         // What nothing at all disturbs would make every trifle evidence without end.
         let noise_bar = course.noise.bar.max(LEAST_NOISE_BAR);
         Ok(Self { notes: course.notes, ..Self::new(course.runs, noise_bar, course.input) })
+    }
+
+    /// Takes a recording as it is made ready for this model.
+    ///
+    /// # Errors
+    /// As [`Evidence::of`]; also where the recording cannot be made ready.
+    pub fn read(recording: &Recording, valve: &Valve) -> Result<Self, CourseError> {
+        Self::of(Course::of(recording, &Preparation::for_model(recording, valve))?)
     }
 
     /// From now on a foreign model is the base; the valve that stands for it.

@@ -17,7 +17,6 @@ use super::search::search_in;
 use super::simulator::Simulator;
 use super::trust::Trust;
 use super::{comparable, settled, slower};
-use crate::course::{Course, Preparation};
 use crate::physics::{Effect, Scatter, ScatterFinding};
 use crate::recording::Recording;
 use crate::valve::{Identification, Valve};
@@ -101,7 +100,7 @@ impl Good {
         let names: Vec<String> = recordings.iter().map(|r| r.source.clone()).collect();
         let all = together(recordings);
         let model = |source| DiagnoseError::Model { model: valve.name.clone(), source: Box::new(source) };
-        let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, valve))?)?;
+        let mut evidence = Evidence::read(&all, valve)?;
         (evidence.criteria, evidence.remembered) = (record.criteria, record.remembered.clone());
         if let Some(foreign) = foreign {
             evidence.about(foreign)?;
@@ -114,7 +113,7 @@ impl Good {
         }
         // Rows that tell too little say nothing against an effect.
         let few = slower::read_every(&all, record.step_s()).filter(|_| foreign.is_none());
-        let slowly = few.and_then(|few| Evidence::of(Course::of(&few, &Preparation::for_model(&few, valve)).ok()?).ok());
+        let slowly = few.and_then(|few| Evidence::read(&few, valve).ok());
         let mut base = Model::base(valve).map_err(model)?.on(&evidence);
         let slow = evidence.is_slow();
         if slow {

@@ -126,7 +126,7 @@ pub fn diagnose_by(
     valve: &Valve,
     good: &[Recording],
 ) -> Result<Diagnosed, DiagnoseError> {
-    let mut evidence = Evidence::of(Course::of(recording, &Preparation::for_model(recording, valve))?)?;
+    let mut evidence = Evidence::read(recording, valve)?;
     (evidence.criteria, evidence.remembered) = (*criteria, remembered.cloned());
     on_evidence(recording, evidence, valve, good, None)
 }

@@ -11,7 +11,6 @@ use super::fit::Fitter;
 use super::good::together;
 use super::model::Model;
 use super::{comparable, settled};
-use crate::course::{Course, Preparation};
 use crate::physics::Effect;
 use crate::recording::Recording;
 use crate::valve::Valve;
@@ -26,18 +25,22 @@ pub struct Witness<'v> {
 }
 
 impl Witness<'_> {
-    /// Whether that data denies these values of an effect on the form of the loop: the record, of this floor, is farther off without it
-    /// than a good valve is from one drive to the next, and so is the model with it on that data.
-    pub fn denies(&self, effect: &'static dyn Effect, values: &[f64], criteria: &Criteria, (floor_bar, record_bar): (f64, f64)) -> bool {
-        self.errors_bar(effect, values, criteria).is_some_and(|errors_bar| denies(criteria, floor_bar, record_bar, errors_bar))
+    /// Whether that data denies these values of an effect on the form of the loop: the record, which is off by `record_bar` without it, is
+    /// farther off than a good valve is from one drive to the next, and so is the model with it on that data.
+    pub fn denies(&self, effect: &'static dyn Effect, values: &[f64], fitter: &Fitter<'_>, record_bar: f64) -> bool {
+        let (criteria, floor_bar) = (&fitter.criteria, fitter.floor_bar);
+        // What the record may be off by needs no look at that data.
+        record_bar > criteria.another_drive * floor_bar
+            && self
+                .errors_bar(effect, values, fitter.evidence)
+                .is_some_and(|errors_bar| denies(criteria, floor_bar, record_bar, errors_bar))
     }
 
     /// Error of the model on that data without the effect, and with these values of it; the base makes room [bar]. Nothing where the data
     /// cannot be used, or does not belong to the model.
-    fn errors_bar(&self, effect: &'static dyn Effect, values: &[f64], criteria: &Criteria) -> Option<(f64, f64)> {
-        let all = together(self.recordings);
-        let mut evidence = Evidence::of(Course::of(&all, &Preparation::for_model(&all, self.valve)).ok()?).ok()?;
-        evidence.criteria = *criteria;
+    fn errors_bar(&self, effect: &'static dyn Effect, values: &[f64], record: &Evidence) -> Option<(f64, f64)> {
+        let mut evidence = Evidence::read(&together(self.recordings), self.valve).ok()?;
+        (evidence.criteria, evidence.remembered) = (record.criteria, record.remembered.clone());
         if evidence.is_slow() || comparable::mistake(&evidence, self.valve).ok()?.is_some() {
             return None;
         }
