@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The library inside an FMU and the Python package, built and tried by the tools of others: FMPy, libcosim, aqdefreader, pytest,
 # mypy, Jupyter. Needs Rust, a C compiler, python3 with venv and a network for their packages. One build of the library serves both;
-# `HIL_EXCHANGE_PROFILE=dev` builds without optimisation, where sizes and speeds say nothing and are not held.
+# `HIL_EXCHANGE_PROFILE=dev` builds without optimisation, where sizes and speeds say nothing and are not held. The command `hil` is the
+# argument, where it is built already.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 profile=${HIL_EXCHANGE_PROFILE:-release}
@@ -17,10 +18,10 @@ python=$work/venv/bin/python
 step() { printf '\n-- %s (%s s)\n' "$1" "$SECONDS"; }
 
 step "build"
-cargo build --locked --profile "$profile" --bin hil
+hil=$PWD/${1:-$built/hil}
+[ $# -gt 0 ] || cargo build --locked --profile "$profile" --bin hil
 # Always both: one of them alone would build the library again, with other features of what it depends on.
 cargo build --locked --profile "$profile" -p hil-fmu -p hil-python --lib --examples
-hil=$PWD/$built/hil
 library=$PWD/$work/libhil_fmu.so
 strip -o "$library" "$built/libhil_fmu.so"
 

@@ -1,6 +1,8 @@
 //! What a search looks at of a long recording: enough of it that more would not name another cause, and no more, so that
 //! the cost of a search does not grow with the length. What was found is then fitted and judged on all of it.
 
+use std::ops::Range;
+
 use super::evidence::{Evidence, MIDDLE};
 use super::fit::{Fit, Fitter};
 use super::model::{Model, VALVE_STEP_S};
@@ -12,8 +14,10 @@ use crate::course::Run;
 const MOST_SAMPLES: usize = 16_000;
 /// and at least, however much one costs.
 const FEWEST_SAMPLES: usize = 4_000;
-/// Inner steps of a sample in which causes are looked for: what a coarse step is off by is small beside what they do.
+/// Inner steps of a sample in which causes are looked for, at most, and none much shorter than this: what a coarse step is off by is
+/// small beside what they do.
 const ROUGH: usize = 4;
+const ROUGH_STEP_S: f64 = 0.0025;
 /// Stretches of a run that is longer: one early, where a valve fills and warms up, one late, where a drift is largest, the one between
 /// them where the current moves most, and the one where the recalibrated model is farthest off.
 const STRETCHES: usize = 4;
@@ -36,19 +40,11 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) ->
     if evidence.base.is_some() {
         return None;
     }
-    // No coarser than valves are recorded: what happens faster is seen at the samples that remain.
-    let finest = ((VALVE_STEP_S / evidence.step_s()) as usize).max(1);
-    let every = samples.div_ceil(most).clamp(1, finest);
+    let every = samples.div_ceil(most).clamp(1, coarsest(evidence));
     let off_bar = null.filter(|_| samples > most).map_or_else(Vec::new, |null| distances(fitter, null));
-    let mut begin = 0;
-    let mut runs = Vec::new();
-    for (run, share) in evidence.grids.iter().zip(&evidence.start_shares) {
-        let mut masked = run.clone();
-        masked.pressure_bar.copy_from_slice(&fitter.measured[begin..begin + run.len()]);
-        let off_bar: Vec<f64> = off_bar.iter().skip(begin).take(run.len()).step_by(every).copied().collect();
-        begin += run.len();
-        runs.push((masked.thinned(every, evidence.input), *share, off_bar));
-    }
+    let off_bar = |samples: Range<usize>| off_bar.get(samples).unwrap_or_default().iter().copied().step_by(every).collect();
+    let runs = thinned(fitter, every).into_iter().zip(evidence.runs());
+    let runs: Vec<(Run, f64, Vec<f64>)> = runs.map(|((run, share), samples)| (run, share, off_bar(samples))).collect();
     let samples_of = |runs: &[(Run, f64, Vec<f64>)]| runs.iter().map(|(run, ..)| run.len()).sum::<usize>();
     // Of many runs some, whole: a few samples of each would show no movement of any.
     let many = runs.len() > STRETCHES;
@@ -57,11 +53,40 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) ->
     let all = samples_of(&runs);
     let part = if all > most && runs.len() <= STRETCHES { most as f64 / all as f64 } else { 1.0 };
     let runs = runs.iter().flat_map(|(run, share, off_bar)| stretches(run, *share, (run.len() as f64 * part) as usize, off_bar));
-    let mut short = evidence.of_runs(runs.unzip(), ROUGH);
+    let mut short = roughly(evidence, runs.unzip(), every);
     if part < 1.0 {
         mask(&mut short, base);
     }
     Some(short)
+}
+
+/// All of the evidence, masked as the fitter has it, at the rate and in the inner steps in which a search looks at a recording: what is
+/// compared on all of it would otherwise cost more with every reading of a second.
+pub fn throughout(fitter: &Fitter<'_>) -> Evidence {
+    let every = coarsest(fitter.evidence);
+    roughly(fitter.evidence, thinned(fitter, every).into_iter().unzip(), every)
+}
+
+/// Runs of which one sample of `every` remains, in the inner steps of a search.
+fn roughly(evidence: &Evidence, runs: (Vec<Run>, Vec<f64>), every: usize) -> Evidence {
+    let inner = (every as f64 * evidence.step_s() / ROUGH_STEP_S).round() as usize;
+    evidence.of_runs(runs, inner.clamp(1, ROUGH))
+}
+
+/// One sample of so many remains at most: no coarser than valves are recorded, as what happens faster is seen at those.
+fn coarsest(evidence: &Evidence) -> usize {
+    ((VALVE_STEP_S / evidence.step_s()) as usize).max(1)
+}
+
+/// One sample of `every` of the runs, masked as the fitter has them, each with where the valve stands at first.
+fn thinned(fitter: &Fitter<'_>, every: usize) -> Vec<(Run, f64)> {
+    let evidence = fitter.evidence;
+    let of = |((run, share), samples): ((&Run, &f64), Range<usize>)| {
+        let mut masked = run.clone();
+        masked.pressure_bar.copy_from_slice(&fitter.measured[samples]);
+        (masked.thinned(every, evidence.input), *share)
+    };
+    evidence.grids.iter().zip(&evidence.start_shares).zip(evidence.runs()).map(of).collect()
 }
 
 /// Has each stretch begin where it fits the model best, or leaves out what depends on that: while the current rests, a valve does not
@@ -182,6 +207,21 @@ mod tests {
         // The current is what it is at these times.
         let t = last.time_s(100);
         assert!((last.current_a[100] - (0.5 + 0.3 * t.sin())).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_second_costs_no_more_where_more_readings_are_made_of_it() {
+        for rate_hz in [50.0, 100.0, 200.0, 1000.0] {
+            let all = evidence(30_000, 1.0 / rate_hz);
+            let looked = throughout(&Fitter::new(&all));
+            assert_eq!(looked.most_inner, ROUGH, "{rate_hz} Hz");
+            assert!(looked.step_s() >= VALVE_STEP_S - 1e-9, "{rate_hz} Hz: {}", looked.step_s());
+            let length_s = |evidence: &Evidence| evidence.samples() as f64 * evidence.step_s();
+            assert!((length_s(&looked) - length_s(&all)).abs() < 0.05, "all of it, however long");
+        }
+        // A reading that stands for 4 ms is simulated in steps of 2 ms, as fine as one of 10 ms.
+        let fast = looked_at(&Fitter::new(&evidence(64_000, 0.001))).unwrap();
+        assert_eq!(((1e3 * fast.step_s()).round(), fast.most_inner), (4.0, 2));
     }
 
     #[test]

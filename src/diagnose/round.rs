@@ -32,6 +32,12 @@ impl<'a> Round<'a> {
         self.ranked.iter().filter(|r| r.effect.is_cause())
     }
 
+    /// The effects whose candidates have gained this share of what the best one has, best first.
+    pub fn promising(&self, share: f64) -> impl Iterator<Item = &'static dyn Effect> {
+        let least = self.ranked.first().map_or(0.0, |best| share * self.gain(&best.fit));
+        self.ranked.iter().take_while(move |candidate| self.gain(&candidate.fit) >= least).map(|candidate| candidate.effect)
+    }
+
     /// Whether this effect was tried in it.
     pub fn tried(&self, id: &str) -> bool {
         self.ranked.iter().any(|c| c.effect.id() == id)
@@ -46,5 +52,30 @@ impl<'a> Round<'a> {
     /// `less` with an effect more, fitted also from where its fit has ended here.
     pub fn beside(&self, fitter: &Fitter<'_>, effect: &'static dyn Effect, less: &Fit<'a>) -> Fit<'a> {
         fitter.simplified(fitter.fit_new(&less.model.with(effect, 0.0), less, &Vec::from_iter(self.end_of(effect))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
+    use crate::diagnose::model::Model;
+    use crate::physics::effect;
+
+    #[test]
+    fn who_gains_less_than_half_of_what_the_best_one_does_is_not_promising() {
+        let valve = straight();
+        let evidence = held(vec![straight_run(waves(1000), |_, _| 0.0)]);
+        let fitter = Fitter::new(&evidence);
+        let incumbent = fitter.recalibrate(&Model::base(&valve).unwrap().on(&evidence), &[]);
+        let effective = fitter.effective();
+        let gaining = |id: &str, nats: f64| {
+            let fit = Fit { mean_nats: incumbent.mean_nats - nats / effective, ..incumbent.clone() };
+            Ranked { effect: effect(id).unwrap(), fit }
+        };
+        let ranked = vec![gaining("creep", 90.0), gaining("leakage", 46.0), gaining("stiction", 44.0), gaining("sensor_drift", -3.0)];
+        let ids = |round: &Round<'_>| round.promising(0.5).map(|e| e.id()).collect::<Vec<_>>();
+        assert_eq!(ids(&Round { incumbent: incumbent.clone(), ranked, effective }), ["creep", "leakage"]);
+        assert!(ids(&Round { incumbent, ranked: Vec::new(), effective }).is_empty());
     }
 }

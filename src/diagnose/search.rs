@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::base::{AT, BASE};
 use super::criteria::MOST_EFFECTS;
-use super::excerpt::excerpt;
+use super::excerpt::{excerpt, throughout};
 use super::fit::{Fit, Fitter};
 use super::heldout::{BLOCK_S, HeldOut, carried_forward, held_out};
 use super::keeps_place::stays_before_form;
@@ -19,6 +19,8 @@ use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
 /// Share of the best candidate's gain from which on a candidate is fitted to the end.
 const PROMISING: f64 = 0.5;
+/// Most rivals that an effect is swapped for.
+const MOST_SWAPPED: usize = 6;
 /// Share of the evidence for a name below which the best of a round is not looked at more closely.
 const STUCK: f64 = 0.25;
 /// Candidates within this difference of BIC of the best one get its base,
@@ -62,12 +64,20 @@ pub fn search_in<'a>(fitter: &mut Fitter<'_>, looking: Option<&mut Fitter<'_>>, 
     let found = search(looking, base);
     let starts = [&found.null.theta[..], &found.chosen.theta[..BASE]];
     let nulls = starts.par_iter().map(|start| fitter.refit(base, start));
-    let (null, chosen) = rayon::join(
+    // Whether an effect is confirmed is no matter of finer steps; the values are.
+    let all = throughout(fitter);
+    let (null, confirmed) = rayon::join(
         || nulls.min_by(|a, b| fitter.objective(a).total_cmp(&fitter.objective(b))),
-        || fitter.refit(&found.chosen.model, &found.chosen.theta),
+        || {
+            let mut fitter = fitter.looking_at(&all);
+            let chosen = fitter.refit(&found.chosen.model, &found.chosen.theta);
+            fitter.tau_samples = correlation(&fitter, &chosen);
+            confirmed(&fitter, chosen, true)
+        },
     );
+    let chosen = fitter.refit(&confirmed.model, &confirmed.theta);
     fitter.tau_samples = correlation(fitter, &chosen);
-    Search { null: null.unwrap_or(found.null), chosen: confirmed(fitter, chosen, true), rounds: found.rounds }
+    Search { null: null.unwrap_or(found.null), chosen, rounds: found.rounds }
 }
 
 /// Searches the library.
@@ -192,7 +202,7 @@ fn hand_back<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &mut [Ranked<
     let Some(best) = ranked.iter().min_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective))) else { return };
     let (best_bic, base) = (best.fit.bic(effective), best.fit.theta[..BASE].to_vec());
     let own = incumbent.theta.len();
-    let near = |fit: &Fit<'_>| fit.bic(effective) < best_bic + HANDED_NATS || fit.bic(effective) > incumbent.bic(effective);
+    let near = |fit: &Fit<'_>| fit.bic(effective) < best_bic + HANDED_NATS || fitter.gain(incumbent, fit) < 0.0;
     ranked.par_iter_mut().filter(|r| near(&r.fit) && r.fit.theta[..BASE] != base[..]).for_each(|r| {
         for from in [&base[..], &incumbent.theta[..BASE]] {
             let theta = [from, &incumbent.theta[BASE..own], &r.fit.theta[own..]].concat();
@@ -401,7 +411,7 @@ fn settle<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, rounds: &[Round<'a>]) -> Fi
         let rivals: Vec<&'static dyn Effect> = rounds
             .iter()
             .find(|r| r.tried(fit.model.effects[k].id()))
-            .map(|r| r.ranked.iter().map(|c| c.effect).take(6).collect())
+            .map(|round| round.promising(PROMISING).take(MOST_SWAPPED).collect())
             .unwrap_or_default();
         let swapped: Vec<Fit<'a>> = rivals
             .into_par_iter()

@@ -8,11 +8,13 @@
 use rayon::prelude::*;
 
 use super::conclude::{Findings, Member, Weighed};
+use super::evidence::Evidence;
+use super::excerpt::throughout;
 use super::fit::{Fit, Fitter};
 use super::heldout::held_out;
 use super::posterior;
 use super::round::Ranked;
-use super::search::confirmed;
+use super::search::{confirmed, correlation};
 use crate::physics::{Effect, Kind};
 
 /// Part of the gain of an effect that a rival may miss after the search and still be fitted again in its place.
@@ -39,18 +41,27 @@ impl<'a> Findings<'_, 'a> {
 
     /// With each effect weighed, and a likelier one in the place of one that has any.
     pub fn weighed(mut self) -> Self {
+        let all = self.looking.map(|_| throughout(self.fitter));
+        let all = all.as_ref().map(|all| self.looking_through(all));
         self.weighed = self.weigh(self.looking);
-        let mut likelier = self.likelier();
-        if likelier.is_none() && self.looking.is_some() && self.weighed.iter().any(|w| w.likelier.is_some()) {
+        let mut likelier = self.likelier(all.as_ref());
+        if likelier.is_none() && all.is_some() && self.weighed.iter().any(|w| w.likelier.is_some()) {
             // The whole record denies what the part of it prefers: so all of it has to say the shares.
-            self.weighed = self.weigh(None);
-            likelier = self.likelier();
+            self.weighed = self.weigh(all.as_ref());
+            likelier = self.likelier(all.as_ref());
         }
         if let Some(likelier) = likelier {
-            self.search.chosen = likelier;
+            self.search.chosen = self.fitter.refit(&likelier.model, &likelier.theta);
             self.weighed = self.weigh(self.looking);
         }
         self
+    }
+
+    /// The fitter of the whole record as a search sees it.
+    fn looking_through<'e>(&self, all: &'e Evidence) -> Fitter<'e> {
+        let mut fitter = self.fitter.looking_at(all);
+        fitter.tau_samples = correlation(&fitter, &self.search.chosen);
+        fitter
     }
 
     /// Each effect of the chosen model against what could stand in its place, on the part of the record that is looked at or on all.
@@ -73,10 +84,13 @@ impl<'a> Findings<'_, 'a> {
         weighed.collect()
     }
 
-    /// The chosen model with a likelier effect in the place of one, where the whole record does not speak against it.
-    fn likelier(&self) -> Option<Fit<'a>> {
-        let (fitter, chosen) = (self.fitter, &self.search.chosen);
+    /// The chosen model with a likelier effect in the place of one, where the whole record does not speak against it; `all`: that record
+    /// as a search sees it.
+    fn likelier(&self, all: Option<&Fitter<'_>>) -> Option<Fit<'a>> {
         let best = self.weighed.iter().filter_map(|w| w.likelier.as_ref()).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let fitter = all.unwrap_or(self.fitter);
+        let seen = all.map(|all| all.refit(&self.search.chosen.model, &self.search.chosen.theta));
+        let chosen = seen.as_ref().unwrap_or(&self.search.chosen);
         let next = confirmed(fitter, fitter.refit(&best.1.model, &best.1.theta), false);
         let whole = next.model.effects.len() == chosen.model.effects.len();
         // On held-out data it is as good, which for two that do the same is a matter of the last digits.
