@@ -216,8 +216,7 @@ mod tests {
             let looked = throughout(&Fitter::new(&all));
             assert_eq!(looked.most_inner, ROUGH, "{rate_hz} Hz");
             assert!(looked.step_s() >= VALVE_STEP_S - 1e-9, "{rate_hz} Hz: {}", looked.step_s());
-            let length_s = |evidence: &Evidence| evidence.samples() as f64 * evidence.step_s();
-            assert!((length_s(&looked) - length_s(&all)).abs() < 0.05, "all of it, however long");
+            assert!((looked.lasts_s() - all.lasts_s()).abs() < 0.05, "all of it, however long");
         }
         // A reading that stands for 4 ms is simulated in steps of 2 ms, as fine as one of 10 ms.
         let fast = looked_at(&Fitter::new(&evidence(64_000, 0.001))).unwrap();

@@ -41,11 +41,14 @@ impl<'a> Findings<'_, 'a> {
 
     /// With each effect weighed, and a likelier one in the place of one that has any.
     pub fn weighed(mut self) -> Self {
+        self.weighed = self.weigh(self.looking);
+        if self.weighed.iter().all(|weighed| weighed.likelier.is_none()) {
+            return self;
+        }
         let all = self.looking.map(|_| throughout(self.fitter));
         let all = all.as_ref().map(|all| self.looking_through(all));
-        self.weighed = self.weigh(self.looking);
         let mut likelier = self.likelier(all.as_ref());
-        if likelier.is_none() && all.is_some() && self.weighed.iter().any(|w| w.likelier.is_some()) {
+        if likelier.is_none() && self.looks_at_a_part() {
             // The whole record denies what the part of it prefers: so all of it has to say the shares.
             self.weighed = self.weigh(all.as_ref());
             likelier = self.likelier(all.as_ref());
@@ -55,6 +58,12 @@ impl<'a> Findings<'_, 'a> {
             self.weighed = self.weigh(self.looking);
         }
         self
+    }
+
+    /// Whether the search has left out stretches of the record, and not only readings between others.
+    fn looks_at_a_part(&self) -> bool {
+        let (looking, all) = (self.where_searched().evidence, self.fitter.evidence);
+        looking.lasts_s() + looking.step_s() < all.lasts_s()
     }
 
     /// The fitter of the whole record as a search sees it.
