@@ -176,11 +176,6 @@ impl Evidence {
         Sampling { length_s: to - from, step_s: self.step_s() }
     }
 
-    /// How long all runs are together [s].
-    pub fn lasts_s(&self) -> f64 {
-        self.grids.iter().map(|g| g.len() as f64 * g.dt_s).sum()
-    }
-
     /// Samples in all, used or not.
     pub fn samples(&self) -> usize {
         self.grids.iter().map(|g| g.current_a.len()).sum()

@@ -40,7 +40,9 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) ->
     if evidence.base.is_some() {
         return None;
     }
-    let every = samples.div_ceil(most).clamp(1, coarsest(evidence));
+    // No coarser than valves are recorded: what happens faster is seen at the samples that remain.
+    let coarsest = ((VALVE_STEP_S / evidence.step_s()) as usize).max(1);
+    let every = samples.div_ceil(most).clamp(1, coarsest);
     let off_bar = null.filter(|_| samples > most).map_or_else(Vec::new, |null| distances(fitter, null));
     let off_bar = |samples: Range<usize>| off_bar.get(samples).unwrap_or_default().iter().copied().step_by(every).collect();
     let runs = thinned(fitter, every).into_iter().zip(evidence.runs());
@@ -60,22 +62,17 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) ->
     Some(short)
 }
 
-/// All of the evidence, masked as the fitter has it, at the rate and in the inner steps in which a search looks at a recording: what is
-/// compared on all of it would otherwise cost more with every reading of a second.
+/// All of the evidence, every reading of it, masked as the fitter has it, in the inner steps of a search: finer ones cost up to four times as
+/// much, and confirm no other effect. Between the readings of a thinned run a step of the current would be a ramp, and what follows that
+/// ramp would be confirmed.
 pub fn throughout(fitter: &Fitter<'_>) -> Evidence {
-    let every = coarsest(fitter.evidence);
-    roughly(fitter.evidence, thinned(fitter, every).into_iter().unzip(), every)
+    roughly(fitter.evidence, thinned(fitter, 1).into_iter().unzip(), 1)
 }
 
 /// Runs of which one sample of `every` remains, in the inner steps of a search.
 fn roughly(evidence: &Evidence, runs: (Vec<Run>, Vec<f64>), every: usize) -> Evidence {
     let inner = (every as f64 * evidence.step_s() / ROUGH_STEP_S).round() as usize;
     evidence.of_runs(runs, inner.clamp(1, ROUGH))
-}
-
-/// One sample of so many remains at most: no coarser than valves are recorded, as what happens faster is seen at those.
-fn coarsest(evidence: &Evidence) -> usize {
-    ((VALVE_STEP_S / evidence.step_s()) as usize).max(1)
 }
 
 /// One sample of `every` of the runs, masked as the fitter has them, each with where the valve stands at first.
@@ -210,13 +207,15 @@ mod tests {
     }
 
     #[test]
-    fn a_second_costs_no_more_where_more_readings_are_made_of_it() {
-        for rate_hz in [50.0, 100.0, 200.0, 1000.0] {
+    fn all_is_looked_at_in_every_reading_and_in_steps_no_finer_than_those_of_a_search() {
+        for (rate_hz, most_inner) in [(50.0, 4), (100.0, 4), (200.0, 2), (1000.0, 1)] {
             let all = evidence(30_000, 1.0 / rate_hz);
-            let looked = throughout(&Fitter::new(&all));
-            assert_eq!(looked.most_inner, ROUGH, "{rate_hz} Hz");
-            assert!(looked.step_s() >= VALVE_STEP_S - 1e-9, "{rate_hz} Hz: {}", looked.step_s());
-            assert!((looked.lasts_s() - all.lasts_s()).abs() < 0.05, "all of it, however long");
+            let mut fitter = Fitter::new(&all);
+            fitter.measured[..100].fill(f64::NAN);
+            let looked = throughout(&fitter);
+            assert_eq!((looked.samples(), looked.most_inner), (30_000, most_inner), "{rate_hz} Hz");
+            assert_eq!(looked.current_a(), all.current_a(), "{rate_hz} Hz");
+            assert!(looked.pressure_bar().iter().take_while(|p| p.is_nan()).count() == 100, "{rate_hz} Hz");
         }
         // A reading that stands for 4 ms is simulated in steps of 2 ms, as fine as one of 10 ms.
         let fast = looked_at(&Fitter::new(&evidence(64_000, 0.001))).unwrap();

@@ -122,7 +122,8 @@ impl Fitter<'_> {
 
 /// The number of the block that each sample lies in.
 pub fn blocks(fitter: &Fitter<'_>) -> Vec<usize> {
-    let length_s = BLOCK_S.min(fitter.evidence.lasts_s() / FEWEST_BLOCKS as f64);
+    let total_s: f64 = fitter.evidence.grids.iter().map(|g| g.current_a.len() as f64 * g.dt_s).sum();
+    let length_s = BLOCK_S.min(total_s / FEWEST_BLOCKS as f64);
     let mut out = Vec::with_capacity(fitter.measured.len());
     let mut first = 0;
     for grid in &fitter.evidence.grids {

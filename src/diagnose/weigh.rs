@@ -60,13 +60,12 @@ impl<'a> Findings<'_, 'a> {
         self
     }
 
-    /// Whether the search has left out stretches of the record, and not only readings between others.
+    /// Whether the search has left out readings.
     fn looks_at_a_part(&self) -> bool {
-        let (looking, all) = (self.where_searched().evidence, self.fitter.evidence);
-        looking.lasts_s() + looking.step_s() < all.lasts_s()
+        self.where_searched().evidence.samples() < self.fitter.evidence.samples()
     }
 
-    /// The fitter of the whole record as a search sees it.
+    /// The fitter of the whole record, in the inner steps of a search.
     fn looking_through<'e>(&self, all: &'e Evidence) -> Fitter<'e> {
         let mut fitter = self.fitter.looking_at(all);
         fitter.tau_samples = correlation(&fitter, &self.search.chosen);
@@ -94,7 +93,7 @@ impl<'a> Findings<'_, 'a> {
     }
 
     /// The chosen model with a likelier effect in the place of one, where the whole record does not speak against it; `all`: that record
-    /// as a search sees it.
+    /// in the inner steps of a search.
     fn likelier(&self, all: Option<&Fitter<'_>>) -> Option<Fit<'a>> {
         let best = self.weighed.iter().filter_map(|w| w.likelier.as_ref()).max_by(|a, b| a.0.total_cmp(&b.0))?;
         let fitter = all.unwrap_or(self.fitter);
