@@ -6,10 +6,11 @@
 
 use rayon::prelude::*;
 
+use super::confirm::confirmed;
 use super::fit::{Fit, Fitter};
 use super::hollow::explains;
 use super::model::Model;
-use super::search::{Search, confirmed, search_in};
+use super::search::{Search, search_in};
 
 /// Searches for one effect besides `still`, a model whose calibration stays as it is. No form of the loop: the record would pay for
 /// the repair of the model's own.

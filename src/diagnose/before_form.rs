@@ -6,9 +6,10 @@
 
 use rayon::prelude::*;
 
+use super::confirm::confirmed;
 use super::fit::{Fit, Fitter};
 use super::hollow::explains;
-use super::search::{Search, confirmed};
+use super::search::Search;
 use crate::physics::Kind;
 
 /// Most causes that are tried in the place of a form.

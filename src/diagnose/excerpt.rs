@@ -62,9 +62,8 @@ pub fn excerpt(fitter: &Fitter<'_>, base: &Model<'_>, null: Option<&Fit<'_>>) ->
     Some(short)
 }
 
-/// All of the evidence, every reading of it, masked as the fitter has it, in the inner steps of a search: finer ones cost up to four times as
-/// much, and confirm no other effect. Between the readings of a thinned run a step of the current would be a ramp, and what follows that
-/// ramp would be confirmed.
+/// All of the evidence, every reading of it, masked as the fitter has it, in the inner steps of a search. Between the readings of a thinned
+/// run a step of the current would be a ramp, and what follows that ramp would be confirmed.
 pub fn throughout(fitter: &Fitter<'_>) -> Evidence {
     roughly(fitter.evidence, thinned(fitter, 1).into_iter().unzip(), 1)
 }

@@ -13,6 +13,7 @@ mod claims;
 mod coil;
 mod comparable;
 mod conclude;
+mod confirm;
 mod criteria;
 mod descent;
 mod diagnosis;

@@ -3,9 +3,10 @@
 
 use rayon::prelude::*;
 
+use super::confirm::confirmed;
 use super::fit::{Fit, Fitter};
 use super::round::Ranked;
-use super::search::{Search, confirmed};
+use super::search::Search;
 use super::simulator::Simulator;
 use crate::physics::Kind;
 

@@ -41,10 +41,13 @@ fn recording(of: &Valve) -> Recording {
     Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![], input: None }
 }
 
+/// The valve with this effect.
+fn valve_with(id: &str, theta: &[f64]) -> Valve {
+    Valve { effects: vec![specification(effect(id).unwrap(), theta)], ..valve() }
+}
+
 fn concealing(id: &str, theta: &[f64]) -> Diagnosed {
-    let mut true_valve = valve();
-    true_valve.effects.push(specification(effect(id).unwrap(), theta));
-    diagnose(&recording(&true_valve), &valve()).unwrap()
+    diagnose(&recording(&valve_with(id, theta)), &valve()).unwrap()
 }
 
 #[test]

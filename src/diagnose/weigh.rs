@@ -8,13 +8,14 @@
 use rayon::prelude::*;
 
 use super::conclude::{Findings, Member, Weighed};
+use super::confirm::confirmed;
 use super::evidence::Evidence;
 use super::excerpt::throughout;
 use super::fit::{Fit, Fitter};
 use super::heldout::held_out;
 use super::posterior;
 use super::round::Ranked;
-use super::search::{confirmed, correlation};
+use super::search::correlation;
 use crate::physics::{Effect, Kind};
 
 /// Part of the gain of an effect that a rival may miss after the search and still be fitted again in its place.

@@ -4,8 +4,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
 use super::super::*;
-use super::valve;
-use crate::physics::{effect, simulate, specification};
+use super::{valve, valve_with};
+use crate::physics::simulate;
 use crate::recording::Run;
 use crate::valve::Input;
 
@@ -43,9 +43,7 @@ fn a_loop_that_alone_explains_what_a_denied_recalibration_hides_has_changed() {
         let good = [driven(&valve(), (0.25, 0.9), (150.0, 0.05), 100 + seed)];
         let about_a_point =
             |of: &Valve| diagnose_against(&driven(of, (0.44, 0.56), (100.0, 0.1), seed), &valve(), &good).unwrap().diagnosis;
-        let mut worn = valve();
-        worn.effects.push(specification(effect(name).unwrap(), &[0.8, 0.4, 0.03, 0.2]));
-        let changed = about_a_point(&worn);
+        let changed = about_a_point(&valve_with(name, &[0.8, 0.4, 0.03, 0.2]));
         let told: Vec<_> = changed.effects.iter().map(|f| (f.id.as_str(), f.claim)).collect();
         assert_eq!(told, [(name, Claim::Changed)], "seed {seed}: {}", changed.summary);
         let healthy = about_a_point(&valve());
@@ -59,9 +57,7 @@ fn what_stands_in_the_place_of_a_denied_recalibration_has_changed_however_small_
     for seed in [1, 3] {
         let good = [driven(&valve(), (0.25, 0.9), (120.0, 0.01), 200 + seed)];
         let found = |of: &Valve| diagnose_against(&driven(of, (0.25, 0.9), (80.0, 0.01), seed), &valve(), &good).unwrap().diagnosis;
-        let mut late = valve();
-        late.effects.push(specification(effect("transport_delay").unwrap(), &[0.022]));
-        let changed = found(&late);
+        let changed = found(&valve_with("transport_delay", &[0.022]));
         let [first] = changed.effects.as_slice() else { panic!("seed {seed}: {}", changed.summary) };
         let says = |id: &str| first.id == id || first.indistinguishable.iter().any(|other| other == id);
         assert!(first.claim == Claim::Changed && says("transport_delay"), "seed {seed}: {}", changed.summary);
@@ -73,11 +69,7 @@ fn what_stands_in_the_place_of_a_denied_recalibration_has_changed_however_small_
 /// The model has the same effect from data of the good valve already, a tenth of it: nothing was named.
 #[test]
 fn a_form_that_the_good_valve_has_in_small_has_changed_where_it_stands_for_a_denied_recalibration() {
-    let widens = |width: f64| {
-        let mut valve = valve();
-        valve.effects.push(specification(effect("rate_dependent_hysteresis").unwrap(), &[width, 0.5, 0.0, 0.05, 0.0]));
-        valve
-    };
+    let widens = |width: f64| valve_with("rate_dependent_hysteresis", &[width, 0.5, 0.0, 0.05, 0.0]);
     let good = driven(&widens(0.4), (0.1, 0.9), (30.0, 0.02), 2);
     let d = diagnose_against(&driven(&widens(4.0), (0.1, 0.9), (30.0, 0.02), 1), &valve(), &[good]).unwrap().diagnosis;
     let first = d.effects.first().unwrap_or_else(|| panic!("{}", d.summary));

@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 
 use super::super::*;
-use super::{NOISE_BAR, drive, recording, valve};
+use super::{NOISE_BAR, drive, recording, valve, valve_with};
 use crate::physics::{effect, simulate, specification};
 use crate::recording::Run;
 use crate::valve::{Identification, Input, Polynomial, ReferenceCurves};
@@ -22,8 +22,7 @@ fn another_drive(of: &Valve) -> Recording {
 
 #[test]
 fn what_the_good_valve_has_is_form_and_what_its_data_excludes_has_changed() {
-    let mut good = valve();
-    good.effects.push(specification(effect("first_order_lag").unwrap(), &[0.05, 1.0]));
+    let good = valve_with("first_order_lag", &[0.05, 1.0]);
     let reference = [another_drive(&good)];
     let healthy = diagnose_against(&recording(&good), &valve(), &reference).unwrap().diagnosis;
     assert_eq!(healthy.verdict, Verdict::Match, "{}", healthy.summary);
@@ -80,8 +79,7 @@ fn a_worn_form_has_changed_though_a_denied_calibration_follows_it_half() {
         }
         of
     };
-    let mut worn = valve();
-    worn.effects.push(specification(effect("reversal_dead_band").unwrap(), &[0.03]));
+    let worn = valve_with("reversal_dead_band", &[0.03]);
     let d = diagnose_against(&wandering(recording(&worn), 3.0), &valve(), &[wandering(another_drive(&valve()), 0.0)]).unwrap().diagnosis;
     let first = d.effects.first().unwrap_or_else(|| panic!("{}", d.summary));
     assert_eq!((first.id.as_str(), first.claim), ("reversal_dead_band", Claim::Changed), "{}", d.summary);
@@ -147,8 +145,7 @@ fn a_slow_sweep_speaks_beside_a_drive_and_not_alone() {
 #[test]
 fn a_sensor_that_is_off_is_named_against_data_of_the_good_valve_only() {
     for (id, theta) in [("sensor_gain", [0.04]), ("sensor_zero", [-0.5])] {
-        let mut off = valve();
-        off.effects.push(specification(effect(id).unwrap(), &theta));
+        let off = valve_with(id, &theta);
         let d = diagnose_against(&recording(&off), &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
         let first = d.effects.first().unwrap_or_else(|| panic!("{id}: {}", d.summary));
         assert_eq!((first.id.as_str(), first.claim, d.effects.len()), (id, Claim::Changed, 1), "{}", d.summary);
@@ -201,8 +198,7 @@ fn gentle(of: &Valve) -> Recording {
 #[test]
 fn what_shows_only_where_the_good_valve_was_never_driven_so_fast_is_no_change() {
     // The limit lies above what the gentle drive asks for, and below what the record does.
-    let mut limited = valve();
-    limited.effects.push(specification(effect("flow_limit").unwrap(), &[60.0, 60.0, 1.0, 0.0]));
+    let limited = valve_with("flow_limit", &[60.0, 60.0, 1.0, 0.0]);
     let claimed = |good: &Recording| diagnose_against(&recording(&limited), &valve(), std::slice::from_ref(good)).unwrap().diagnosis;
     let lively = claimed(&another_drive(&valve()));
     assert!(lively.effects.iter().any(|f| f.id == "flow_limit" && f.claim == Claim::Changed), "{}", lively.summary);
@@ -303,8 +299,7 @@ fn a_tone_near_half_the_rate_is_no_noise() {
 
 #[test]
 fn a_droop_in_proportion_to_the_pressure_is_a_leak_before_it_is_the_gain_of_a_sensor() {
-    let mut leaks = valve();
-    leaks.effects.push(specification(effect("leakage").unwrap(), &[0.4, 1.0, 0.0]));
+    let leaks = valve_with("leakage", &[0.4, 1.0, 0.0]);
     let d = diagnose_against(&recording(&leaks), &valve(), &[another_drive(&valve())]).unwrap().diagnosis;
     let first = d.effects.first().unwrap_or_else(|| panic!("{}", d.summary));
     assert_eq!((d.effects.len(), first.id.as_str(), first.claim), (1, "leakage", Claim::Changed), "{}", d.summary);

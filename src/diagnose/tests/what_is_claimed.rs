@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 
 use super::super::*;
-use super::{NOISE_BAR, drive, recording, valve};
+use super::{NOISE_BAR, drive, recording, valve, valve_with};
 use crate::physics::{effect, simulate, specification};
 use crate::recording::Run;
 use crate::valve::Input;
@@ -14,8 +14,7 @@ fn a_record_that_hardly_moves_promises_nothing_of_other_drives() {
     // Without a lag, what is delay and what a lag too short to be seen stays open on any record.
     let valve = || Valve { lag_s: 0.04, ..valve() };
     let seen = |swing: f64| {
-        let mut creeps = valve();
-        creeps.effects.push(specification(effect("creep").unwrap(), &[0.2, 100.0, 1.0]));
+        let creeps = valve_with("creep", &[0.2, 100.0, 1.0]);
         let mut of = recording(&creeps);
         let run = &mut of.runs[0];
         run.current_a.iter_mut().for_each(|i| *i = 0.5 + swing * (*i - 0.5));
@@ -93,8 +92,7 @@ fn a_first_rise_that_is_not_followed_from_any_start_is_left_over() {
     let rise = |t: f64| 0.3 + 0.2 * ((t - 0.2) / 0.3).clamp(0.0, 1.0) + 0.01 * (1.3 * t).sin();
     let time_s: Vec<f64> = (0..6000).map(|k| 0.01 * f64::from(k)).collect();
     let current_a = time_s.iter().map(|t| rise(*t)).collect();
-    let mut late = valve();
-    late.effects.push(specification(effect("sensor_lag").unwrap(), &[0.1, 0.0]));
+    let late = valve_with("sensor_lag", &[0.1, 0.0]);
     let d = diagnose_against(&read(&late, (time_s, current_a), 4), &valve(), &[good]).unwrap().diagnosis;
     assert_eq!((d.verdict, d.effects[0].id.as_str()), (Verdict::PartlyExplained, "transport_delay"), "{}", d.summary);
     let left = d.unexplained.as_ref().unwrap_or_else(|| panic!("{}", d.summary));
@@ -125,8 +123,7 @@ fn a_record_that_begins_within_a_movement_is_explained_all_the_same() {
 /// A slow sweep says nothing of a drive as lively as the record, and all that matters of the form of a loop.
 #[test]
 fn a_form_that_a_slow_sweep_of_the_good_valve_denies_has_changed() {
-    let mut worn = valve();
-    worn.effects.push(specification(effect("reversal_dead_band").unwrap(), &[0.03]));
+    let worn = valve_with("reversal_dead_band", &[0.03]);
     let time_s: Vec<f64> = (0..12_000).map(|k| 0.01 * f64::from(k)).collect();
     let current_a: Vec<f64> = time_s.iter().map(|t| 0.8 - 0.7 * (t / 60.0 - 1.0).abs()).collect();
     let said = |good: &Valve| {

@@ -4,8 +4,8 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
 use super::super::*;
-use super::{NOISE_BAR, valve};
-use crate::physics::{effect, simulate, specification};
+use super::{NOISE_BAR, valve, valve_with};
+use crate::physics::simulate;
 use crate::recording::Run;
 use crate::valve::Input;
 
@@ -27,18 +27,11 @@ fn steps(of: &Valve, (samples, step_s): (u32, f64), seed: u64, off_bar: impl Fn(
     Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![], input: Some(Input::Held) }
 }
 
-/// The valve with this effect.
-fn with(id: &str, theta: &[f64]) -> Valve {
-    let mut valve = valve();
-    valve.effects.push(specification(effect(id).unwrap(), theta));
-    valve
-}
-
 #[test]
 fn shares_are_those_of_the_whole_record_where_it_denies_what_its_part_prefers() {
     for seed in 0..3 {
         // Much longer than what a search looks at, on a valve whose curve the model does not quite have.
-        let warm = steps(&with("coil_heating", &[0.1, 25.0, 0.0]), (38_000, 0.01), seed, |p| 0.05 * (p / 1.7).sin());
+        let warm = steps(&valve_with("coil_heating", &[0.1, 25.0, 0.0]), (38_000, 0.01), seed, |p| 0.05 * (p / 1.7).sin());
         let d = diagnose(&warm, &valve()).unwrap().diagnosis;
         let told: Vec<_> = d.effects.iter().map(|f| f.id.as_str()).collect();
         assert_eq!(told, ["coil_heating"], "seed {seed}: {}", d.summary);
@@ -49,7 +42,7 @@ fn shares_are_those_of_the_whole_record_where_it_denies_what_its_part_prefers() 
 
 #[test]
 fn what_follows_a_step_that_fewer_readings_make_a_ramp_is_no_effect() {
-    let late = steps(&with("transport_delay", &[0.04]), (24_000, 0.0025), 4, |_| 0.0);
+    let late = steps(&valve_with("transport_delay", &[0.04]), (24_000, 0.0025), 4, |_| 0.0);
     let d = diagnose(&late, &valve()).unwrap().diagnosis;
     let told: Vec<_> = d.effects.iter().chain(&d.form).map(|f| f.id.as_str()).collect();
     assert_eq!(told, ["transport_delay"], "{}", d.summary);
