@@ -14,7 +14,7 @@ fn a_record_that_hardly_moves_promises_nothing_of_other_drives() {
     // Without a lag, what is delay and what a lag too short to be seen stays open on any record.
     let valve = || Valve { lag_s: 0.04, ..valve() };
     let seen = |swing: f64| {
-        let creeps = valve_with("creep", &[0.2, 100.0, 1.0]);
+        let creeps = Valve { lag_s: 0.04, ..valve_with("creep", &[0.2, 100.0, 1.0]) };
         let mut of = recording(&creeps);
         let run = &mut of.runs[0];
         run.current_a.iter_mut().for_each(|i| *i = 0.5 + swing * (*i - 0.5));
