@@ -12,9 +12,9 @@ use crate::valve::Input;
 #[test]
 fn a_record_that_hardly_moves_promises_nothing_of_other_drives() {
     // Without a lag, what is delay and what a lag too short to be seen stays open on any record.
-    let valve = || Valve { lag_s: 0.04, ..valve() };
+    let lagging = |of: Valve| Valve { lag_s: 0.04, ..of };
     let seen = |swing: f64| {
-        let creeps = Valve { lag_s: 0.04, ..valve_with("creep", &[0.2, 100.0, 1.0]) };
+        let creeps = lagging(valve_with("creep", &[0.2, 100.0, 1.0]));
         let mut of = recording(&creeps);
         let run = &mut of.runs[0];
         run.current_a.iter_mut().for_each(|i| *i = 0.5 + swing * (*i - 0.5));
@@ -22,7 +22,7 @@ fn a_record_that_hardly_moves_promises_nothing_of_other_drives() {
         let normal = Normal::new(0.0, NOISE_BAR).unwrap();
         let quiet = simulate(&creeps, Input::Held, &run.time_s, &run.current_a).unwrap();
         run.pressure_bar = Some(quiet.iter().map(|p| p + normal.sample(&mut random)).collect());
-        diagnose(&of, &valve()).unwrap().diagnosis
+        diagnose(&of, &lagging(valve())).unwrap().diagnosis
     };
     let (whole, part) = (seen(1.0), seen(0.1));
     let open = |d: &Diagnosis| d.other_drives.clone().unwrap_or_else(|| panic!("{}", d.summary));
