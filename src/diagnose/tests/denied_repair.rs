@@ -35,7 +35,6 @@ fn driven(of: &Valve, (low_a, high_a): (f64, f64), (length_s, dt_s): (f64, f64),
     Recording { source: "drive.csv".into(), runs: vec![run], notes: vec![], input: Some(Input::Held) }
 }
 
-/// Without the rule, it is admitted without a name.
 #[test]
 fn a_loop_that_alone_explains_what_a_denied_recalibration_hides_has_changed() {
     let name = "rate_dependent_hysteresis";
