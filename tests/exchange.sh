@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # The library inside an FMU and the Python package, built and tried by the tools of others: FMPy, libcosim, aqdefreader, pytest,
 # mypy, Jupyter. Needs Rust, a C compiler, python3 with venv and a network for their packages. One build of the library serves both;
-# `HIL_EXCHANGE_PROFILE=dev` builds without optimisation, where sizes and speeds say nothing and are not held. The command `hil` is the
-# argument, where it is built already.
+# `HIL_EXCHANGE_PROFILE=dev` takes the library as the tests of the program have built it, with all of its features, where sizes and speeds
+# say nothing and are not held. The command `hil` is the argument, where it is built already.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 profile=${HIL_EXCHANGE_PROFILE:-release}
 built=target/$([ "$profile" = dev ] && echo debug || echo "$profile")
+features=$([ "$profile" = dev ] && echo --features hil/default || true)
 work=target/exchange
 mkdir -p "$work"
 [ -x "$work/venv/bin/python" ] || python3 -m venv "$work/venv"
@@ -21,12 +22,14 @@ step "build"
 hil=$PWD/${1:-$built/hil}
 [ $# -gt 0 ] || cargo build --locked --profile "$profile" --bin hil
 # Always both: one of them alone would build the library again, with other features of what it depends on.
-cargo build --locked --profile "$profile" -p hil-fmu -p hil-python --lib --examples
+# shellcheck disable=SC2086
+cargo build --locked --profile "$profile" -p hil-fmu -p hil-python --lib --examples $features
 library=$PWD/$work/libhil_fmu.so
 strip -o "$library" "$built/libhil_fmu.so"
 
 step "the library inside an FMU"
-cargo test --locked --profile "$profile" -p hil-fmu -p hil-python -- --nocapture
+# shellcheck disable=SC2086
+cargo test --locked --profile "$profile" -p hil-fmu -p hil-python $features -- --nocapture
 
 step "models as FMUs, in FMPy"
 rm -rf "$work/models"
@@ -49,7 +52,7 @@ rm -rf "$work/lot" "$work/lot.dfq"
 
 step "the Python package"
 rm -rf "$work/wheel"
-MATURIN_PEP517_ARGS="--locked --profile $profile" "$python" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$work/wheel" ./python
+MATURIN_PEP517_ARGS="--locked --profile $profile $features" "$python" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$work/wheel" ./python
 ls -l "$work"/wheel/*.whl
 "$python" -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps "$work"/wheel/*.whl
 HIL=$hil "$python" -m pytest -q python/tests
