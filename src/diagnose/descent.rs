@@ -2,7 +2,7 @@
 //!
 //! Nearly all of the time goes into the derivatives, one simulation per parameter. After a step that went well they are
 //! corrected by what the step itself has shown (Broyden, Math. Comp. 19 (1965) 577) instead of taken anew, and taken anew
-//! as soon as such a step disappoints.
+//! as soon as such a step disappoints. First steps from many starts share the derivatives by what no effect changes much.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -33,6 +33,16 @@ pub struct Descent {
     pub rough: bool,
 }
 
+/// Which derivatives will do.
+#[derive(Clone, Copy)]
+pub enum Wanted<'s> {
+    /// Each simulated where the fit stands.
+    Exact,
+    /// Those by gain, offset and delay as where nothing after the curves is dynamic, and of others these where they are among them,
+    /// taken at a fit nearby.
+    Rough(Option<&'s Slopes>),
+}
+
 impl Descent {
     /// All parameters free.
     pub fn of(iterations: usize) -> Self {
@@ -52,6 +62,11 @@ impl Slopes {
     /// The derivatives, one column per moving parameter.
     pub fn columns(&self) -> &[Vec<f64>] {
         &self.columns
+    }
+
+    /// The derivative by parameter `k`, where it was taken.
+    fn column(&self, k: usize) -> Option<&[f64]> {
+        self.moving.iter().position(|moving| *moving == k).map(|place| self.columns[place].as_slice())
     }
 
     /// Corrects the columns so that they give the change of pressure that `step` has made; `metric` is the diagonal of
@@ -93,8 +108,7 @@ struct Loss<'l, 'f, 'e, 'a> {
     model: &'l Model<'a>,
     free: Vec<Free>,
     moving: Vec<usize>,
-    /// Whether derivatives that are nearly right will do.
-    rough: bool,
+    wanted: Wanted<'l>,
     /// Steps in a row that corrected derivatives may serve here.
     corrected: usize,
 }
@@ -104,7 +118,7 @@ impl<'a> Landscape for Loss<'_, '_, '_, 'a> {
     type Slopes = Slopes;
 
     fn slopes(&mut self, at: &Place<'a>) -> Slopes {
-        self.fitter.slopes(self.simulator, &self.free, &self.moving, &at.fit, &at.residual, self.rough)
+        self.fitter.slopes(self.simulator, &self.free, &self.moving, &at.fit, &at.residual, self.wanted)
     }
 
     fn equations(&self, slopes: &Slopes, at: &Place<'a>) -> Option<Equations> {
@@ -158,15 +172,29 @@ impl Fitter<'_> {
     }
 
     fn descended<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, start: &[f64], descent: Descent) -> Fit<'a> {
+        let theta = clamped(&model.free(), start);
+        let mut residual = Vec::new();
+        let fit = self.score(simulator, model, &theta, &mut residual);
+        self.descended_from(simulator, Place { fit, residual }, descent, None).fit
+    }
+
+    /// Where a descent from `place` ends; `near`: derivatives that will do where they need be right only nearly.
+    pub fn descended_from<'a>(
+        &self,
+        simulator: &mut Simulator<'_>,
+        place: Place<'a>,
+        descent: Descent,
+        near: Option<&Slopes>,
+    ) -> Place<'a> {
         let Descent { iterations, held, rough } = descent;
+        let model = &place.fit.model.clone();
         let free = model.free();
         let still = if held == 0 { BASE..BASE } else { BASE..model.place(held.min(model.effects.len()) - 1).end };
         let moving: Vec<usize> = (0..free.len()).filter(|k| !still.contains(k)).collect();
-        let mut residual = Vec::new();
-        let fit = self.score(simulator, model, &clamped(&free, start), &mut residual);
         let corrected = if iterations > 5 && !self.squared { CORRECTED } else { 0 };
-        let mut loss = Loss { fitter: self, simulator, model, free, moving, rough: rough && !self.squared, corrected };
-        descend(&mut loss, Place { fit, residual }, &Pace { steps: iterations, ..PACE }).at.fit
+        let wanted = if rough && !self.squared { Wanted::Rough(near) } else { Wanted::Exact };
+        let mut loss = Loss { fitter: self, simulator, model, free, moving, wanted, corrected };
+        descend(&mut loss, place, &Pace { steps: iterations, ..PACE }).at
     }
 
     /// The derivatives at a fit.
@@ -177,14 +205,20 @@ impl Fitter<'_> {
         moving: &[usize],
         at: &Fit<'_>,
         residual: &[f64],
-        rough: bool,
+        wanted: Wanted<'_>,
     ) -> Slopes {
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); moving.len()];
         // The last stages first: what lies before them is kept from the fit's own simulation.
         let mut simulated: Vec<(usize, f64, Vec<f64>)> = Vec::new();
         for (place, k) in moving.iter().enumerate().rev() {
-            if rough && self.slope_at_rest(*k, at, residual, &mut columns[place]) {
-                continue;
+            if let Wanted::Rough(near) = wanted {
+                if self.slope_at_rest(*k, at, residual, &mut columns[place]) {
+                    continue;
+                }
+                if let Some(column) = near.and_then(|near| near.column(*k)) {
+                    columns[place].extend_from_slice(column);
+                    continue;
+                }
             }
             let (free, here) = (&free[*k], at.theta[*k]);
             let mut ahead = shifted(free, here, free.step);

@@ -214,6 +214,11 @@ impl<'e> Fitter<'e> {
         residual: &mut Vec<f64>,
     ) -> Fit<'a> {
         self.residual(simulator, model, theta, residual);
+        self.judged(model, theta, guess_bar, residual)
+    }
+
+    /// The fit that leaves this residual, whose scale is likely near `guess_bar`.
+    pub fn judged<'a>(&self, model: &Model<'a>, theta: &[f64], guess_bar: f64, residual: &[f64]) -> Fit<'a> {
         let scale_bar = loss::scale(residual, 0.7 * self.evidence.noise_bar, guess_bar);
         let prior_nats = model.free().iter().zip(theta).filter_map(|(f, v)| f.prior.map(|p| p.nats(*v))).sum();
         let (sum, n) = residual.iter().filter(|e| e.is_finite()).fold((0.0, 0usize), |(s, n), e| (s + e * e, n + 1));

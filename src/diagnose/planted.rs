@@ -116,7 +116,7 @@ fn missed(of: &'static dyn Effect, truth: &[f64], sooner_s: f64, seed: u64) -> (
     let mut pressure = Vec::new();
     Simulator::new(&evidence).pressure(&null.model, &null.theta, &mut pressure);
     let residual: Vec<f64> = fitter.measured.iter().zip(&pressure).map(|(y, p)| y - p).collect();
-    let begun = fitter.begin(search::screened(&fitter, &null, of, (&residual, &pressure), None));
+    let begun = fitter.begin(search::screened(&fitter, &null, of, (&residual, &pressure), None), &null, 0.0);
     let found = fitter.finish(begun, false);
     let own = |fit: &Fit<'_>| fit.theta[fit.model.place(0)].to_vec();
     (fitter.gain(&found, &best), fitter.gain(&null, &best), own(&found), own(&best))

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix4, Vector4};
 
 use super::base::{AT, BASE};
-use super::descent::Descent;
+use super::descent::{Descent, Place, Slopes, Wanted};
 use super::fit::{Fit, Fitter, clamped, shifted};
 use super::loss;
 use super::model::{CALIBRATION, Model, UNSEEN_LAG_S};
@@ -16,6 +16,10 @@ const HOPELESS_NATS: f64 = -30.0;
 const NEAR_NATS: f64 = 6.0;
 /// Steps of a fit after which who is far behind stays there.
 const FIRST_STEPS: usize = 5;
+/// Who is behind by more nats than this is far,
+const FAR_NATS: f64 = 60.0;
+/// and shows in so many steps how fast it comes on.
+const PACING_STEPS: usize = 2;
 
 /// What changes no pressure by more does nothing [bar].
 const NOTHING_BAR: f64 = 1e-9;
@@ -42,6 +46,8 @@ pub struct Proportioned {
     later_s: f64,
     /// Whether the effect changes any pressure where it begins.
     does_something: bool,
+    /// Its pressure, where these are the values that were simulated [bar].
+    pressure_bar: Option<Vec<f64>>,
 }
 
 /// Whether two simulated pressures [bar] differ anywhere.
@@ -71,47 +77,72 @@ impl Fitter<'_> {
         // Beside an effect that was found, the ends of the round before are among the starts, and fewer others are needed.
         let effort = if held == 0 { FIRST } else { LATER };
         let mut simulator = Simulator::new(self.evidence);
-        let mut residual = Vec::new();
+        let near = self.near(&mut simulator, incumbent);
         // From the incumbent's base, and from the calibration: what the base had absorbed must be free to go back, and is missing there.
         let mut calibrated = [&model.calibrated(), &incumbent.theta[BASE..]].concat();
         calibrated[AT.lag] += 0.5 * UNSEEN_LAG_S;
-        let calibrated = self.score(&mut simulator, &incumbent.model, &clamped(&incumbent.model.free(), &calibrated), &mut residual);
-        let (mut tried, mut given_back): (Vec<Fit<'a>>, Vec<Fit<'a>>) = (Vec::new(), Vec::new());
+        let calibrated = self.score(&mut simulator, &incumbent.model, &clamped(&incumbent.model.free(), &calibrated), &mut Vec::new());
+        let (mut tried, mut given_back): (Vec<Place<'a>>, Vec<Place<'a>>) = (Vec::new(), Vec::new());
         // A loop that widens looks late as well.
         let of_course = !model.effects[held].imitates_form();
         for (beside, is_incumbent) in [(incumbent, true), (&calibrated, false)] {
             let starts = self.in_proportion(&mut simulator, model, beside, starts);
-            for Proportioned { values, later_s, .. } in self.living(&mut simulator, model, beside, starts) {
-                let mut from = |base: &[f64]| {
-                    let theta = [base, values.as_slice()].concat();
-                    self.score(&mut simulator, model, &clamped(&model.free(), &theta), &mut residual)
-                };
-                tried.push(from(&beside.theta));
+            for Proportioned { values, later_s, pressure_bar, .. } in self.living(&mut simulator, model, beside, starts) {
+                tried.push(self.placed(&mut simulator, model, &[&beside.theta, &values], pressure_bar));
                 if is_incumbent && of_course && later_s.abs() > CALIBRATION.late * model.slowness {
                     let mut base = incumbent.theta.clone();
                     base[AT.late] += later_s;
                     base[AT.lag] = base[AT.lag].min(base[AT.late]);
-                    given_back.push(from(&base));
+                    given_back.push(self.placed(&mut simulator, model, &[&base, &values], None));
                 }
             }
         }
-        let order = |a: &Fit<'_>, b: &Fit<'_>| self.objective(a).total_cmp(&self.objective(b));
-        for (fits, most) in [(&mut tried, effort.0), (&mut given_back, GIVEN_BACK)] {
-            fits.sort_by(order);
-            fits.truncate(most);
+        let order = |a: &Place<'_>, b: &Place<'_>| self.objective(&a.fit).total_cmp(&self.objective(&b.fit));
+        for (places, most) in [(&mut tried, effort.0), (&mut given_back, GIVEN_BACK)] {
+            places.sort_by(order);
+            places.truncate(most);
         }
         tried.append(&mut given_back);
-        // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back.
-        let mut tried: Vec<Fit<'a>> = tried
-            .iter()
-            .map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 2, held: held + 1, rough: true }))
-            .collect();
-        tried.sort_by(order);
-        tried.truncate(effort.1);
-        let mut rough: Vec<Fit<'a>> =
-            tried.iter().map(|f| self.polish_in(&mut simulator, model, &f.theta, Descent { iterations: 4, held, rough: true })).collect();
-        rough.sort_by(order);
-        rough
+        // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back. Then the effect moves
+        // as well, and derivatives of another model would lead it astray.
+        for (iterations, held, near) in [(2, held + 1, near.as_ref()), (4, held, None)] {
+            let descent = Descent { iterations, held, rough: true };
+            tried = tried.into_iter().map(|place| self.descended_from(&mut simulator, place, descent, near)).collect();
+            tried.sort_by(order);
+            tried.truncate(effort.1);
+        }
+        tried.into_iter().map(|place| place.fit).collect()
+    }
+
+    /// The derivatives at a fit by what no formula gives and an effect more hardly changes: the loop and the lag of the base. Nothing for
+    /// steps, to which no fit is rough.
+    fn near(&self, simulator: &mut Simulator<'_>, fit: &Fit<'_>) -> Option<Slopes> {
+        if self.squared {
+            return None;
+        }
+        let mut residual = Vec::new();
+        self.residual(simulator, &fit.model, &fit.theta, &mut residual);
+        Some(self.slopes(simulator, &fit.model.free(), &[AT.width, AT.ln_a, AT.lag], fit, &residual, Wanted::Exact))
+    }
+
+    /// Where `model` stands with these parts of its vector; `pressure_bar`: what it gives there, where that is known.
+    fn placed<'a>(
+        &self,
+        simulator: &mut Simulator<'_>,
+        model: &Model<'a>,
+        parts: &[&Vec<f64>; 2],
+        pressure_bar: Option<Vec<f64>>,
+    ) -> Place<'a> {
+        let wanted = parts.map(Vec::as_slice).concat();
+        let theta = clamped(&model.free(), &wanted);
+        let mut residual = pressure_bar.filter(|_| theta == wanted).unwrap_or_default();
+        if residual.is_empty() {
+            let fit = self.score(simulator, model, &theta, &mut residual);
+            return Place { fit, residual };
+        }
+        residual.iter_mut().zip(&self.measured).for_each(|(e, y)| *e = y - *e);
+        self.weigh(&mut residual);
+        Place { fit: self.judged(model, &theta, 3.0 * self.evidence.noise_bar, &residual), residual }
     }
 
     /// The starts from which a fit can go anywhere, or all where there is none: where the effect does nothing, nor would with any of its
@@ -155,9 +186,10 @@ impl Fitter<'_> {
     ) -> Vec<Proportioned> {
         let amplitude = model.effects.last().and_then(|e| e.amplitude());
         let range = amplitude.map(|at| model.free()[incumbent.theta.len() + at].range);
-        let (mut given, mut with) = (Vec::new(), Vec::new());
+        let mut given = Vec::new();
         simulator.pressure(&incumbent.model, &incumbent.theta, &mut given);
         let solved = |start: &Vec<f64>| {
+            let mut with = Vec::new();
             simulator.pressure(model, &[incumbent.theta.as_slice(), start].concat(), &mut with);
             let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
             let mut before = with.first().copied().unwrap_or_default();
@@ -191,23 +223,36 @@ impl Fitter<'_> {
                 }
             }
             let later_s = if later_s.is_finite() { later_s } else { 0.0 };
-            Proportioned { values, later_s, does_something: differ(&given, &with) }
+            let does_something = differ(&given, &with);
+            let pressure_bar = (values == *start).then_some(with);
+            Proportioned { values, later_s, does_something, pressure_bar }
         };
         starts.iter().map(solved).collect()
     }
 
-    /// The first few steps of [`Fitter::finish`], which show who may still win: one fit, or those near it.
-    pub fn begin<'a>(&self, mut rough: Vec<Fit<'a>>) -> Vec<Fit<'a>> {
+    /// The first few steps of [`Fitter::finish`], which show who may still win: one fit, or those near it. Who is far from gaining
+    /// `wanted` nats over the incumbent goes on only where the first of these steps would bring it there, each as much as the other.
+    pub fn begin<'a>(&self, mut rough: Vec<Fit<'a>>, incumbent: &Fit<'_>, wanted: f64) -> Vec<Fit<'a>> {
         let mut simulator = Simulator::new(self.evidence);
-        rough.truncate(self.near(&rough));
-        let mut fits: Vec<Fit<'a>> =
-            rough.iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(FIRST_STEPS))).collect();
+        let mut steps = |fit: &Fit<'a>, count: usize| {
+            let descent = Descent { rough: true, ..Descent::of(count) };
+            self.polish_in(&mut simulator, &fit.model, &fit.theta, descent)
+        };
+        let missing = wanted - self.gain(incumbent, &rough[0]);
+        if missing > FAR_NATS {
+            let first = steps(&rough[0], PACING_STEPS);
+            if self.gain(&rough[0], &first) * (FIRST_STEPS as f64 / PACING_STEPS as f64) < missing {
+                return vec![first];
+            }
+        }
+        rough.truncate(self.that_may_win(&rough));
+        let mut fits: Vec<Fit<'a>> = rough.iter().map(|fit| steps(fit, FIRST_STEPS)).collect();
         fits.sort_by(|a, b| self.objective(a).total_cmp(&self.objective(b)));
         fits
     }
 
     /// How many of these fits, best first, may still win.
-    fn near(&self, rough: &[Fit<'_>]) -> usize {
+    fn that_may_win(&self, rough: &[Fit<'_>]) -> usize {
         rough.iter().take_while(|fit| self.gain(fit, &rough[0]) < NEAR_NATS).count().max(1)
     }
 
@@ -221,7 +266,7 @@ impl Fitter<'_> {
 
     fn finished<'a>(&self, rough: &[Fit<'a>], hopeless: bool) -> Fit<'a> {
         let mut simulator = Simulator::new(self.evidence);
-        let (count, steps) = if hopeless { (1, FIRST_STEPS) } else { (self.near(rough), 18) };
+        let (count, steps) = if hopeless { (1, FIRST_STEPS) } else { (self.that_may_win(rough), 18) };
         let fine = rough[..count].iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
         let best = fine.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
         if hopeless { best } else { self.to_the_end(&mut simulator, best) }
@@ -286,7 +331,7 @@ impl Fitter<'_> {
             let Some(simpler) = fit.model.holding(j) else { continue };
             // Also from the calibration: the base may have moved for what goes.
             let calibrated = [&simpler.calibrated(), &fit.theta[BASE..]].concat();
-            let [less, other] = [&fit.theta, &calibrated].map(|theta| self.polish(&simpler, theta, 4));
+            let (less, other) = rayon::join(|| self.polish(&simpler, &fit.theta, 4), || self.polish(&simpler, &calibrated, 4));
             let less = if self.objective(&other) < self.objective(&less) { other } else { less };
             if less.bic(effective) < fit.bic(effective) {
                 fit = less;

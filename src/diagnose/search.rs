@@ -102,7 +102,7 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
         let effective = fitter.effective();
         if ranked.iter().any(|r| fitter.gain(&chosen, &r.fit) > stuck_nats(fitter)) {
             hand_back(fitter, &chosen, &mut ranked);
-            simplify(fitter, &mut ranked);
+            simplify(fitter, &chosen, &mut ranked);
         }
         ranked.sort_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective)));
         chosen = same_effort(fitter, chosen, &ranked);
@@ -134,8 +134,8 @@ fn with_lag<'a>(fitter: &Fitter<'_>, fit: Fit<'a>) -> Fit<'a> {
     best.filter(|with| model.confirms_lag(with.theta[AT.lag]) && with.bic(effective) < fit.bic(effective)).unwrap_or(fit)
 }
 
-/// The candidates once more, each from the best base that anyone has found: otherwise one loses by a base that it did not
-/// reach, and one that holds the incumbent within it may even stand behind it.
+/// The candidates once more, each from the best base that anyone has found or from the incumbent's, whichever suits it: otherwise one
+/// loses by a base that it did not reach, and one that holds the incumbent within it may even stand behind it.
 fn hand_back<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &mut [Ranked<'a>]) {
     let effective = fitter.effective();
     let Some(best) = ranked.iter().min_by(|a, b| a.fit.bic(effective).total_cmp(&b.fit.bic(effective))) else { return };
@@ -143,27 +143,34 @@ fn hand_back<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &mut [Ranked<
     let own = incumbent.theta.len();
     let near = |fit: &Fit<'_>| fit.bic(effective) < best_bic + HANDED_NATS || fitter.gain(incumbent, fit) < 0.0;
     ranked.par_iter_mut().filter(|r| near(&r.fit) && r.fit.theta[..BASE] != base[..]).for_each(|r| {
-        for from in [&base[..], &incumbent.theta[..BASE]] {
+        let mut simulator = Simulator::new(fitter.evidence);
+        let starts = [&base[..], &incumbent.theta[..BASE]].map(|from| {
             let theta = [from, &incumbent.theta[BASE..own], &r.fit.theta[own..]].concat();
-            let mut next = fitter.polish(&r.fit.model, &theta, 2);
-            if fitter.gain(&r.fit, &next) > -HANDED_SHORT_NATS {
-                next = fitter.polish(&r.fit.model, &next.theta, HANDED_STEPS - 2);
-            }
-            if fitter.objective(&next) < fitter.objective(&r.fit) {
-                r.fit = next;
-            }
+            fitter.score_near(&mut simulator, &r.fit.model, &theta, r.fit.scale_bar, &mut Vec::new())
+        });
+        let start = if fitter.objective(&starts[1]) < fitter.objective(&starts[0]) { &starts[1] } else { &starts[0] };
+        let mut next = fitter.polish(&r.fit.model, &start.theta, 2);
+        if fitter.gain(&r.fit, &next) > -HANDED_SHORT_NATS {
+            next = fitter.polish(&r.fit.model, &next.theta, HANDED_STEPS - 2);
+        }
+        if fitter.objective(&next) < fitter.objective(&r.fit) {
+            r.fit = next;
         }
     });
 }
 
 /// The candidates that may still win, each with no more free parameters than it needs.
-fn simplify(fitter: &Fitter<'_>, ranked: &mut [Ranked<'_>]) {
+fn simplify(fitter: &Fitter<'_>, incumbent: &Fit<'_>, ranked: &mut [Ranked<'_>]) {
     let effective = fitter.effective();
     let best = ranked.iter().map(|r| r.fit.bic(effective)).fold(f64::INFINITY, f64::min);
-    let most = |r: &Ranked<'_>| r.effect.parameters().len() as f64 * effective.ln();
+    let cost = |count: usize| count as f64 * effective.ln();
+    let is_near = |r: &Ranked<'_>| r.fit.bic(effective) < best + cost(r.effect.parameters().len()) + fitter.criteria.very_strong;
+    // Who is no better than the incumbent even without what it can do without is no cause, however simple.
+    let optional = |r: &Ranked<'_>| r.effect.parameters().iter().filter(|p| p.default.is_some()).count();
+    let may_count = |r: &Ranked<'_>| r.fit.bic(effective) - cost(optional(r)) < incumbent.bic(effective);
     ranked
         .par_iter_mut()
-        .filter(|r| r.effect.kind() == Kind::Course && r.fit.bic(effective) < best + most(r) + fitter.criteria.very_strong)
+        .filter(|r| r.effect.kind() == Kind::Course && is_near(r) && may_count(r))
         .for_each(|r| r.fit = fitter.simplified(r.fit.clone()));
 }
 
@@ -232,8 +239,9 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         .collect();
     let screened: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> =
         open.into_par_iter().map(|effect| (effect, screened(fitter, incumbent, effect, (&residual, &pressure), before))).collect();
-    let begun: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> =
-        screened.into_par_iter().map(|(effect, fits)| (effect, fitter.begin(fits))).collect();
+    let best = screened.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max);
+    let begin = |(effect, fits): (&'static dyn Effect, Vec<Fit<'a>>)| (effect, fitter.begin(fits, incumbent, PROMISING * best));
+    let begun: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> = screened.into_par_iter().map(begin).collect();
     let best = begun.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max);
     let needed = (PROMISING * best).max(stuck_nats(fitter));
     let of = begun.len();

@@ -4,6 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::super::base::Base;
+use super::super::descent::Wanted;
 use super::super::evidence::Evidence;
 use super::super::fit::{Fit, Fitter};
 use super::super::heldout::BLOCK_S;
@@ -63,7 +64,7 @@ impl<'e> Rows<'e> {
         simulator.residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
         let free = fit.model.free();
         let moving: Vec<usize> = (0..free.len()).collect();
-        let slopes = fitter.slopes(&mut simulator, &free, &moving, fit, &residual, false);
+        let slopes = fitter.slopes(&mut simulator, &free, &moving, fit, &residual, Wanted::Exact);
         let delay_s = Base::of(&fit.theta).delay_s();
         let late = |run: &crate::course::Run| {
             let steps = (delay_s / run.dt_s).round() as usize;
