@@ -172,10 +172,23 @@ impl Fitter<'_> {
     }
 
     fn descended<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, start: &[f64], descent: Descent) -> Fit<'a> {
-        let theta = clamped(&model.free(), start);
+        let place = self.placed(simulator, model, &clamped(&model.free(), start));
+        self.descended_from(simulator, place, descent, None).fit
+    }
+
+    /// Where `model` stands with this vector.
+    pub fn placed<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, theta: &[f64]) -> Place<'a> {
         let mut residual = Vec::new();
-        let fit = self.score(simulator, model, &theta, &mut residual);
-        self.descended_from(simulator, Place { fit, residual }, descent, None).fit
+        let fit = self.score(simulator, model, theta, &mut residual);
+        Place { fit, residual }
+    }
+
+    /// The same where its pressure there is known [bar].
+    pub fn placed_by<'a>(&self, model: &Model<'a>, theta: &[f64], pressure_bar: Vec<f64>) -> Place<'a> {
+        let mut residual = pressure_bar;
+        residual.iter_mut().zip(&self.measured).for_each(|(e, y)| *e = y - *e);
+        self.weigh(&mut residual);
+        Place { fit: self.judged(model, theta, self.guessed_scale_bar(), &residual), residual }
     }
 
     /// Where a descent from `place` ends; `near`: derivatives that will do where they need be right only nearly.

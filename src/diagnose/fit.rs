@@ -201,7 +201,12 @@ impl<'e> Fitter<'e> {
 
     /// The loss of a parameter vector.
     pub fn score<'a>(&self, simulator: &mut Simulator<'_>, model: &Model<'a>, theta: &[f64], residual: &mut Vec<f64>) -> Fit<'a> {
-        self.score_near(simulator, model, theta, 3.0 * self.evidence.noise_bar, residual)
+        self.score_near(simulator, model, theta, self.guessed_scale_bar(), residual)
+    }
+
+    /// Near what the scale of a residual is likely, before a fit is known [bar].
+    pub fn guessed_scale_bar(&self) -> f64 {
+        3.0 * self.evidence.noise_bar
     }
 
     /// As [`Fitter::score`], where the scale of the residual is likely near `guess_bar`.

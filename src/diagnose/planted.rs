@@ -216,3 +216,21 @@ fn an_orifice_is_found_behind_steps_beside_the_lag_of_the_valve() {
         assert!(missed < MISSED_NATS, "{truth:?}: {missed:.1} nats missed at {:?}, {:?} from the truth", found.theta, best.theta);
     }
 }
+
+#[test]
+fn who_is_far_behind_goes_on_only_where_its_first_steps_would_bring_it_there() {
+    let leak = effect("leakage").unwrap();
+    let evidence = evidence(leak, &[1.2, 2.2, 0.5], 0.0, 11);
+    let valve = valve();
+    let base = Model::base(&valve).unwrap().on(&evidence);
+    let fitter = Fitter::new(&evidence);
+    let null = fitter.recalibrate(&base, &[]);
+    let model = base.with(leak, 0.0);
+    let theta = [null.theta.as_slice(), &[0.1, 1.0, 0.0]].concat();
+    let start = fitter.score(&mut Simulator::new(&evidence), &model, &theta, &mut Vec::new());
+    let gain = |wanted: f64| fitter.gain(&start, &fitter.begin(vec![start.clone()], &start, wanted)[0]);
+    let whole = gain(0.0);
+    assert!(whole > 100.0, "{whole:.0} nats");
+    assert_eq!(gain(0.5 * whole), whole, "far, and its first steps show that it gets there");
+    assert!(gain(100.0 * whole) < whole, "far, and the first steps show that it does not");
+}

@@ -239,11 +239,13 @@ fn candidates<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, before: Option<&Roun
         .collect();
     let screened: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> =
         open.into_par_iter().map(|effect| (effect, screened(fitter, incumbent, effect, (&residual, &pressure), before))).collect();
-    let best = screened.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max);
-    let begin = |(effect, fits): (&'static dyn Effect, Vec<Fit<'a>>)| (effect, fitter.begin(fits, incumbent, PROMISING * best));
+    let most = |of: &[(&'static dyn Effect, Vec<Fit<'a>>)]| {
+        of.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let wanted = PROMISING * most(&screened);
+    let begin = |(effect, fits): (&'static dyn Effect, Vec<Fit<'a>>)| (effect, fitter.begin(fits, incumbent, wanted));
     let begun: Vec<(&'static dyn Effect, Vec<Fit<'a>>)> = screened.into_par_iter().map(begin).collect();
-    let best = begun.iter().map(|(_, fits)| fitter.gain(incumbent, &fits[0])).fold(f64::NEG_INFINITY, f64::max);
-    let needed = (PROMISING * best).max(stuck_nats(fitter));
+    let needed = (PROMISING * most(&begun)).max(stuck_nats(fitter));
     let of = begun.len();
     begun
         .into_par_iter()
