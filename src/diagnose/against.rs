@@ -58,7 +58,7 @@ impl<'f, 'a> Against<'f, 'a> {
     }
 
     fn fit(&self, base: &[f64], values: &[f64], is_held: bool) -> Fit<'a> {
-        let descent = Descent { iterations: STEPS, held: usize::from(is_held), rough: false };
+        let descent = Descent { held: usize::from(is_held), ..Descent::of(STEPS) };
         self.fitter.polish_in(&mut Simulator::new(self.fitter.evidence), &self.with, &[base, values].concat(), descent)
     }
 }

@@ -195,7 +195,7 @@ impl Findings<'_, '_> {
         let fitter = self.where_searched();
         let nats = |fit: &Fit<'_>| fitter.objective(fit) * fitter.effective();
         let held = |theta: &[f64]| {
-            let descent = Descent { iterations: 4, held: chosen.model.effects.len(), rough: false };
+            let descent = Descent { held: chosen.model.effects.len(), ..Descent::of(4) };
             nats(&fitter.polish_in(&mut Simulator::new(fitter.evidence), &chosen.model, theta, descent))
         };
         let as_chosen = held(&chosen.theta);

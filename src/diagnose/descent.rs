@@ -5,6 +5,7 @@
 //! as soon as such a step disappoints. First steps from many starts share the derivatives by what no effect changes much.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::base::{AT, BASE};
 use super::fit::{Fit, Fitter, clamped, shifted};
@@ -13,12 +14,14 @@ use super::model::{Free, Model};
 use super::simulator::Simulator;
 use crate::least_squares::{Equations, Landscape, Pace, descend, dot};
 
-/// Steps in a row that corrected derivatives may serve.
-const CORRECTED: usize = 2;
+/// Steps in a row that corrected derivatives may serve, of a descent of more than so many steps: in a short one each of them counts.
+const CORRECTED: [(usize, usize); 2] = [(5, 2), (3, 1)];
 /// Simulations side by side: with more of them their signals would leave the level-1 cache.
 const ABREAST: usize = 4;
 /// Gain of a step below which a fit is at its end [nats].
 const TRIFLE_NATS: f64 = 0.02;
+/// The same of one that shows who may still win, far below what decides that [nats].
+const ROUGH_TRIFLE_NATS: f64 = 1.0;
 /// How a descent goes.
 const PACE: Pace = Pace { steps: 0, damping: 1e-2, least: 1e-6, raised: 8.0, tries: 4 };
 
@@ -111,6 +114,8 @@ struct Loss<'l, 'f, 'e, 'a> {
     wanted: Wanted<'l>,
     /// Steps in a row that corrected derivatives may serve here.
     corrected: usize,
+    /// A step that gains less here is the last [nats].
+    trifle_nats: f64,
 }
 
 impl<'a> Landscape for Loss<'_, '_, '_, 'a> {
@@ -148,7 +153,7 @@ impl<'a> Landscape for Loss<'_, '_, '_, 'a> {
     }
 
     fn is_worth_more(&self, _before: f64, gain: f64) -> bool {
-        gain * self.fitter.effective() > TRIFLE_NATS
+        gain * self.fitter.effective() > self.trifle_nats
     }
 
     fn corrected(&self, mut slopes: Slopes, metric: &Equations, from: &Place<'a>, to: &Place<'a>) -> Option<Slopes> {
@@ -204,9 +209,10 @@ impl Fitter<'_> {
         let free = model.free();
         let still = if held == 0 { BASE..BASE } else { BASE..model.place(held.min(model.effects.len()) - 1).end };
         let moving: Vec<usize> = (0..free.len()).filter(|k| !still.contains(k)).collect();
-        let corrected = if iterations > 5 && !self.squared { CORRECTED } else { 0 };
+        let corrected = CORRECTED.iter().find(|(steps, _)| iterations > *steps && !self.squared).map_or(0, |(_, corrected)| *corrected);
         let wanted = if rough && !self.squared { Wanted::Rough(near) } else { Wanted::Exact };
-        let mut loss = Loss { fitter: self, simulator, model, free, moving, wanted, corrected };
+        let trifle_nats = if rough { ROUGH_TRIFLE_NATS } else { TRIFLE_NATS };
+        let mut loss = Loss { fitter: self, simulator, model, free, moving, wanted, corrected, trifle_nats };
         descend(&mut loss, place, &Pace { steps: iterations, ..PACE }).at
     }
 
@@ -247,18 +253,26 @@ impl Fitter<'_> {
             theta[*k] = ahead;
             simulated.push((place, width, theta));
         }
-        for abreast in simulated.chunks(ABREAST) {
-            let thetas: Vec<&[f64]> = abreast.iter().map(|(.., theta)| theta.as_slice()).collect();
-            let mut ahead: Vec<Vec<f64>> = abreast.iter().map(|_| Vec::new()).collect();
-            self.residuals(simulator, &at.model, &thetas, &mut ahead);
-            for ((place, width, _), mut column) in abreast.iter().zip(ahead) {
-                for (d, e) in column.iter_mut().zip(residual) {
-                    // Derivative of the simulated pressure.
-                    let slope = (e - *d) / width;
-                    *d = if slope.is_finite() { slope } else { 0.0 };
+        // Each group from what the fit's own simulation has left.
+        let kept = &*simulator;
+        let taken: Vec<Vec<Vec<f64>>> = simulated
+            .par_chunks(ABREAST)
+            .map(|abreast| {
+                let thetas: Vec<&[f64]> = abreast.iter().map(|(.., theta)| theta.as_slice()).collect();
+                let mut ahead: Vec<Vec<f64>> = abreast.iter().map(|_| Vec::new()).collect();
+                self.residuals(&mut kept.clone(), &at.model, &thetas, &mut ahead);
+                for ((_, width, _), column) in abreast.iter().zip(&mut ahead) {
+                    for (d, e) in column.iter_mut().zip(residual) {
+                        // Derivative of the simulated pressure.
+                        let slope = (e - *d) / width;
+                        *d = if slope.is_finite() { slope } else { 0.0 };
+                    }
                 }
-                columns[*place] = column;
-            }
+                ahead
+            })
+            .collect();
+        for ((place, ..), column) in simulated.iter().zip(taken.into_iter().flatten()) {
+            columns[*place] = column;
         }
         Slopes { moving: moving.to_vec(), columns, corrected: 0 }
     }

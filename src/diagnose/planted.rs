@@ -234,3 +234,21 @@ fn who_is_far_behind_goes_on_only_where_its_first_steps_would_bring_it_there() {
     assert_eq!(gain(0.5 * whole), whole, "far, and its first steps show that it gets there");
     assert!(gain(100.0 * whole) < whole, "far, and the first steps show that it does not");
 }
+
+#[test]
+fn what_the_calibration_was_bent_for_is_looked_for_however_well_the_record_is_followed() {
+    let creep = effect("creep").unwrap();
+    let names = |sooner_s: f64| {
+        let evidence = evidence(creep, &[0.05, 6.0, 3.0], sooner_s, 3);
+        let valve = valve();
+        let base = Model::base(&valve).unwrap().on(&evidence);
+        // A good valve that is off by twice the noise.
+        let mut fitter = Fitter { floor_bar: 2.0 * NOISE_BAR, against_good: true, is_vouched: true, ..Fitter::new(&evidence) };
+        let chosen = search::search_in(&mut fitter, None, &base).chosen;
+        chosen.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>()
+    };
+    assert_eq!(names(0.0), ["creep"]);
+    let mut late = names(-0.03);
+    late.sort_unstable();
+    assert_eq!(late, ["creep", "transport_delay"], "30 ms later than calibrated");
+}

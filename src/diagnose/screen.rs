@@ -1,6 +1,7 @@
 //! Fits from several starts: many for a few steps, the best to the end.
 
 use nalgebra::{Matrix4, Vector4};
+use rayon::prelude::*;
 
 use super::base::{AT, BASE};
 use super::descent::{Descent, Place, Slopes, Wanted};
@@ -26,7 +27,7 @@ const PACING_STEPS: usize = 2;
 const NOTHING_BAR: f64 = 1e-9;
 /// Share of itself by which an effect's parameter is moved at least to see what a gradient does not.
 const FINEST: f64 = 0.03;
-/// Steps of a fit from another split of delay and lag.
+/// Steps of a fit from another base.
 const SPLIT_STEPS: usize = 8;
 /// A fit goes on for so many steps, so many times at most, until they gain less than this [nats].
 const MORE_STEPS: usize = 8;
@@ -115,7 +116,7 @@ impl Fitter<'_> {
         // The base makes room for the effect before it is judged: what a wider loop has absorbed must be given back. Then the effect moves
         // as well, and derivatives of another model would lead it astray.
         for (iterations, held, near) in [(2, held + 1, near.as_ref()), (4, held, None)] {
-            let descent = Descent { iterations, held, rough: true };
+            let descent = Descent { held, rough: true, ..Descent::of(iterations) };
             tried = tried.into_iter().map(|place| self.descended_from(&mut simulator, place, descent, near)).collect();
             tried.sort_by(order);
             tried.truncate(effort.1);
@@ -256,20 +257,20 @@ impl Fitter<'_> {
     fn finished<'a>(&self, rough: &[Fit<'a>], hopeless: bool) -> Fit<'a> {
         let mut simulator = Simulator::new(self.evidence);
         let (count, steps) = if hopeless { (1, FIRST_STEPS) } else { (self.that_may_win(rough), 18) };
-        let fine = rough[..count].iter().map(|f| self.polish_in(&mut simulator, &f.model, &f.theta, Descent::of(steps)));
-        let best = fine.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
+        let fine: Vec<Fit<'a>> = rough[..count].par_iter().map(|f| self.polish(&f.model, &f.theta, steps)).collect();
+        let best = fine.into_iter().min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
         if hopeless { best } else { self.to_the_end(&mut simulator, best) }
     }
 
-    /// What a descent that has run out of steps, or into one of the optima that delay and lag have side by side, leaves to be gained.
+    /// What a descent that has run out of steps, or into one of the optima that delay and lag have side by side, or beside a base that its
+    /// first steps have bent, leaves to be gained.
     fn to_the_end<'a>(&self, simulator: &mut Simulator<'_>, mut best: Fit<'a>) -> Fit<'a> {
-        let mut split = best.theta.clone();
         let calibrated = best.model.calibrated();
+        let mut split = best.theta.clone();
         (split[AT.late], split[AT.lag]) = (calibrated[AT.late], calibrated[AT.lag]);
-        let split = self.polish_in(simulator, &best.model, &split, Descent::of(SPLIT_STEPS));
-        if self.objective(&split) < self.objective(&best) {
-            best = split;
-        }
+        let starts = [split, [&calibrated[..], &best.theta[BASE..]].concat()];
+        let others: Vec<Fit<'a>> = starts.par_iter().map(|start| self.polish(&best.model, start, SPLIT_STEPS)).collect();
+        best = others.into_iter().fold(best, |best, next| if self.objective(&next) < self.objective(&best) { next } else { best });
         best = self.walk(simulator, best);
         for _ in 0..MORE {
             let next = self.polish_in(simulator, &best.model, &best.theta, Descent::of(MORE_STEPS));
@@ -343,7 +344,6 @@ impl Fitter<'_> {
     /// "Recalibrate only": the base parameters free, from several starts, the same effort as a candidate gets.
     pub fn recalibrate<'a>(&self, model: &Model<'a>, others: &[Vec<f64>]) -> Fit<'a> {
         let start = model.calibrated();
-        let mut simulator = Simulator::new(self.evidence);
         let mut starts = vec![start.clone()];
         for (more, lag) in [(0.0, 0.008), (0.008, 0.003), (0.004, 0.014)] {
             let mut s = start.clone();
@@ -352,7 +352,7 @@ impl Fitter<'_> {
             starts.push(s);
         }
         starts.extend(others.iter().map(|t| t[..BASE].to_vec()));
-        let fits = starts.iter().map(|s| self.polish_in(&mut simulator, model, s, Descent::of(10)));
-        fits.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| self.polish(model, &start, 10))
+        let fits: Vec<Fit<'a>> = starts.par_iter().map(|s| self.polish(model, s, 10)).collect();
+        fits.into_iter().min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| self.polish(model, &start, 10))
     }
 }

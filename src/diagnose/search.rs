@@ -86,9 +86,10 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
     let mut chosen = null.clone();
     let mut rounds: Vec<Round<'a>> = Vec::new();
     for _ in 0..fitter.criteria.rounds {
-        // Where the good valve itself is off by as much, there is nothing left for a second cause.
+        // Where the good valve itself is off by as much, there is nothing left for a second cause but what the calibration was bent for.
         let known = fitter.floor_bar > fitter.evidence.noise_bar;
-        if known && !chosen.model.effects.is_empty() && chosen.rmse_bar < fitter.criteria.structure_known * fitter.floor_bar {
+        let follows = known && !chosen.model.effects.is_empty() && chosen.rmse_bar < fitter.criteria.structure_known * fitter.floor_bar;
+        if follows && !fitter.criteria.denies(chosen.prior_nats) {
             break;
         }
         let mut ranked = candidates(fitter, &chosen, rounds.last());
@@ -109,7 +110,7 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
         if chosen.model.effects.is_empty() {
             null = chosen.clone();
         }
-        let next = simplest(fitter, &chosen, &ranked);
+        let next = simplest(fitter, &chosen, &ranked).filter(|next| !follows || !fitter.criteria.denies(next.prior_nats));
         rounds.push(Round { incumbent: chosen.clone(), ranked, effective });
         match next {
             Some(fit) => chosen = with_lag(fitter, settle(fitter, fit, &rounds)),

@@ -9,6 +9,7 @@ use crate::physics::{EFFECTS, Pipeline, Signals, Stage, Stages, pressure_stages_
 use crate::valve::ReferenceCurves;
 
 /// Simulates one model again and again on the same evidence; what lies before the first changed stage is kept.
+#[derive(Clone)]
 pub struct Simulator<'e> {
     evidence: &'e Evidence,
     /// Where between its curves the valve stands at first, the same for every run; otherwise as the evidence has it.
@@ -16,14 +17,14 @@ pub struct Simulator<'e> {
     runs: Vec<Kept>,
 }
 
-#[derive(Default)]
+#[derive(Default, Clone)]
 struct Kept {
     current_key: Vec<f64>,
-    current_a: Vec<f64>,
+    current_a: Arc<Vec<f64>>,
     /// The same as the stages behind the curve read it.
     at_curve_a: Arc<Vec<f64>>,
     static_key: Vec<f64>,
-    static_bar: Vec<f64>,
+    static_bar: Arc<Vec<f64>>,
 }
 
 impl Kept {
@@ -39,17 +40,19 @@ impl Kept {
         }
         let same_current = self.current_key == current_key && !self.current_a.is_empty();
         if !same_current {
-            pipeline.current_stages(&context, signals, &mut self.current_a);
-            let mut at_curve_a = self.current_a.clone();
+            let mut current_a = Vec::new();
+            pipeline.current_stages(&context, signals, &mut current_a);
+            let mut at_curve_a = current_a.clone();
             pipeline.read_between(&context, &mut at_curve_a);
-            self.at_curve_a = Arc::new(at_curve_a);
+            (self.current_a, self.at_curve_a) = (Arc::new(current_a), Arc::new(at_curve_a));
             self.current_key = current_key;
         }
         let static_key = [theta[AT.gain], theta[AT.offset], theta[AT.width], theta[AT.ln_a]];
         if !same_current || self.static_key != static_key {
-            self.static_bar.resize(self.current_a.len(), 0.0);
-            pipeline.static_curve(start_share, &self.current_a, &mut self.static_bar);
-            pipeline.read_between(&context, &mut self.static_bar);
+            let mut static_bar = vec![0.0; self.current_a.len()];
+            pipeline.static_curve(start_share, &self.current_a, &mut static_bar);
+            pipeline.read_between(&context, &mut static_bar);
+            self.static_bar = Arc::new(static_bar);
             self.static_key = static_key.to_vec();
         }
     }
