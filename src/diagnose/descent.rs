@@ -219,7 +219,7 @@ impl Fitter<'_> {
     /// The derivatives at a fit.
     pub fn slopes(
         &self,
-        simulator: &mut Simulator<'_>,
+        simulator: &Simulator<'_>,
         free: &[Free],
         moving: &[usize],
         at: &Fit<'_>,
@@ -254,13 +254,12 @@ impl Fitter<'_> {
             simulated.push((place, width, theta));
         }
         // Each group from what the fit's own simulation has left.
-        let kept = &*simulator;
         let taken: Vec<Vec<Vec<f64>>> = simulated
             .par_chunks(ABREAST)
             .map(|abreast| {
                 let thetas: Vec<&[f64]> = abreast.iter().map(|(.., theta)| theta.as_slice()).collect();
                 let mut ahead: Vec<Vec<f64>> = abreast.iter().map(|_| Vec::new()).collect();
-                self.residuals(&mut kept.clone(), &at.model, &thetas, &mut ahead);
+                self.residuals(&mut simulator.clone(), &at.model, &thetas, &mut ahead);
                 for ((_, width, _), column) in abreast.iter().zip(&mut ahead) {
                     for (d, e) in column.iter_mut().zip(residual) {
                         // Derivative of the simulated pressure.

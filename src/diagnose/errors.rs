@@ -101,7 +101,7 @@ impl Fitter<'_> {
         let mut residual = Vec::new();
         self.score(&mut simulator, &fit.model, &fit.theta, &mut residual);
         let all: Vec<usize> = (0..free.len()).collect();
-        let slopes = self.slopes(&mut simulator, &free, &all, fit, &residual, Wanted::Exact);
+        let slopes = self.slopes(&simulator, &free, &all, fit, &residual, Wanted::Exact);
         // Information of a t distribution is (nu + 1)/(nu + 3) of the weighted normal equations' expectation.
         let Equations { normal, .. } = self.normal_equations(&slopes, &free, fit, &residual)?;
         let inverse = inverse(&normal)?;

@@ -244,6 +244,11 @@ impl<'e> Fitter<'e> {
         nats + fit.prior_nats / self.effective()
     }
 
+    /// The best of these fits, the first of equals; nothing of none.
+    pub fn best<'a>(&self, fits: impl IntoIterator<Item = Fit<'a>>) -> Option<Fit<'a>> {
+        fits.into_iter().min_by(|a, b| self.objective(a).total_cmp(&self.objective(b)))
+    }
+
     /// What `next` gains over `fit` in what a fit minimises [nats].
     pub fn gain(&self, fit: &Fit<'_>, next: &Fit<'_>) -> f64 {
         (self.objective(fit) - self.objective(next)) * self.effective()

@@ -28,7 +28,7 @@ const NOTHING_BAR: f64 = 1e-9;
 /// Share of itself by which an effect's parameter is moved at least to see what a gradient does not.
 const FINEST: f64 = 0.03;
 /// Steps of a fit from another base.
-const SPLIT_STEPS: usize = 8;
+const OTHER_BASE_STEPS: usize = 8;
 /// A fit goes on for so many steps, so many times at most, until they gain less than this [nats].
 const MORE_STEPS: usize = 8;
 const MORE: usize = 4;
@@ -255,21 +255,21 @@ impl Fitter<'_> {
     }
 
     fn finished<'a>(&self, rough: &[Fit<'a>], hopeless: bool) -> Fit<'a> {
-        let mut simulator = Simulator::new(self.evidence);
         let (count, steps) = if hopeless { (1, FIRST_STEPS) } else { (self.that_may_win(rough), 18) };
         let fine: Vec<Fit<'a>> = rough[..count].par_iter().map(|f| self.polish(&f.model, &f.theta, steps)).collect();
-        let best = fine.into_iter().min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| rough[0].clone());
-        if hopeless { best } else { self.to_the_end(&mut simulator, best) }
+        let best = self.best(fine).unwrap_or_else(|| rough[0].clone());
+        if hopeless { best } else { self.to_the_end(best) }
     }
 
     /// What a descent that has run out of steps, or into one of the optima that delay and lag have side by side, or beside a base that its
     /// first steps have bent, leaves to be gained.
-    fn to_the_end<'a>(&self, simulator: &mut Simulator<'_>, mut best: Fit<'a>) -> Fit<'a> {
+    fn to_the_end<'a>(&self, mut best: Fit<'a>) -> Fit<'a> {
+        let simulator = &mut Simulator::new(self.evidence);
         let calibrated = best.model.calibrated();
         let mut split = best.theta.clone();
         (split[AT.late], split[AT.lag]) = (calibrated[AT.late], calibrated[AT.lag]);
         let starts = [split, [&calibrated[..], &best.theta[BASE..]].concat()];
-        let others: Vec<Fit<'a>> = starts.par_iter().map(|start| self.polish(&best.model, start, SPLIT_STEPS)).collect();
+        let others: Vec<Fit<'a>> = starts.par_iter().map(|start| self.polish(&best.model, start, OTHER_BASE_STEPS)).collect();
         best = others.into_iter().fold(best, |best, next| if self.objective(&next) < self.objective(&best) { next } else { best });
         best = self.walk(simulator, best);
         for _ in 0..MORE {
@@ -353,6 +353,6 @@ impl Fitter<'_> {
         }
         starts.extend(others.iter().map(|t| t[..BASE].to_vec()));
         let fits: Vec<Fit<'a>> = starts.par_iter().map(|s| self.polish(model, s, 10)).collect();
-        fits.into_iter().min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).unwrap_or_else(|| self.polish(model, &start, 10))
+        self.best(fits).unwrap_or_else(|| self.polish(model, &start, 10))
     }
 }

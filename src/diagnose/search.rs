@@ -63,11 +63,10 @@ pub fn search_in<'a>(fitter: &mut Fitter<'_>, looking: Option<&mut Fitter<'_>>, 
     };
     let found = search(looking, base);
     let starts = [&found.null.theta[..], &found.chosen.theta[..BASE]];
-    let nulls = starts.par_iter().map(|start| fitter.refit(base, start));
     // Whether an effect is confirmed is no matter of finer steps; the values are.
     let all = throughout(fitter);
     let (null, confirmed) = rayon::join(
-        || nulls.min_by(|a, b| fitter.objective(a).total_cmp(&fitter.objective(b))),
+        || fitter.best(starts.par_iter().map(|start| fitter.refit(base, start)).collect::<Vec<_>>()),
         || {
             let mut fitter = fitter.looking_at(&all);
             let chosen = fitter.refit(&found.chosen.model, &found.chosen.theta);
@@ -130,9 +129,8 @@ fn with_lag<'a>(fitter: &Fitter<'_>, fit: Fit<'a>) -> Fit<'a> {
         theta
     });
     let effective = fitter.effective();
-    let with = starts.into_par_iter().map(|start| fitter.refit(&model, &start));
-    let best = with.min_by(|a, b| fitter.objective(a).total_cmp(&fitter.objective(b)));
-    best.filter(|with| model.confirms_lag(with.theta[AT.lag]) && with.bic(effective) < fit.bic(effective)).unwrap_or(fit)
+    let with: Vec<Fit<'a>> = starts.into_par_iter().map(|start| fitter.refit(&model, &start)).collect();
+    fitter.best(with).filter(|with| model.confirms_lag(with.theta[AT.lag]) && with.bic(effective) < fit.bic(effective)).unwrap_or(fit)
 }
 
 /// The candidates once more, each from the best base that anyone has found or from the incumbent's, whichever suits it: otherwise one

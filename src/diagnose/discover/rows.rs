@@ -64,7 +64,7 @@ impl<'e> Rows<'e> {
         simulator.residual(&fit.model, &fit.theta, &fitter.measured, &mut residual);
         let free = fit.model.free();
         let moving: Vec<usize> = (0..free.len()).collect();
-        let slopes = fitter.slopes(&mut simulator, &free, &moving, fit, &residual, Wanted::Exact);
+        let slopes = fitter.slopes(&simulator, &free, &moving, fit, &residual, Wanted::Exact);
         let delay_s = Base::of(&fit.theta).delay_s();
         let late = |run: &crate::course::Run| {
             let steps = (delay_s / run.dt_s).round() as usize;
