@@ -37,7 +37,7 @@ fn best_of_all<'a>(fitter: &Fitter<'_>, search: &Search<'a>, in_part: bool) -> O
     let near: Vec<&Fit<'a>> = round.causes().map(|r| &r.fit).filter(|fit| round.gain(fit) > fitter.criteria.cause_first * most).collect();
     let effective = fitter.effective();
     near.into_par_iter()
-        .map(|fit| confirmed(fitter, fitter.refit(&fit.model, &fit.theta), in_part))
+        .map(|fit| confirmed(fitter, fitter.refit(&fit.model, &fit.theta), in_part, &[]))
         .filter(|fit| !fit.model.effects.is_empty() && explains(fitter, &search.null, fit))
         .min_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)))
 }

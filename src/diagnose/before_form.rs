@@ -35,7 +35,7 @@ pub fn cause_before_form(fitter: &Fitter<'_>, search: &mut Search<'_>) {
     let gains = |fit: &Fit<'_>| less.bic(effective) - fit.bic(effective);
     if gains(&best) > fitter.criteria.cause_first * gains(chosen) && explains(fitter, &search.null, &best) {
         let count = best.model.effects.len();
-        let held = confirmed(fitter, best, false);
+        let held = confirmed(fitter, best, false, &[]);
         if held.model.effects.len() == count {
             search.chosen = held;
         }

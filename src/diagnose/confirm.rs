@@ -8,14 +8,18 @@ use crate::physics::Kind;
 /// The effects less those that held-out stretches do not confirm: the last one to have been found is looked at first, and after one has
 /// gone all that remain once more, as what repaired the work of that one is worth nothing without it. An effect that takes the place of a
 /// recalibration needs no gain of its own, nor does one with a signature. Where the search has looked at a part only, very strong evidence
-/// is asked for on all.
-pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'a> {
+/// is asked for on all. `stood`: the models that the search has gone through, one of which may be the one without an effect, and nearer its
+/// optimum than where a refit without that effect ends.
+pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool, stood: &[&Fit<'a>]) -> Fit<'a> {
     // What the fit predicts of stretches held out, where that is known already.
     let mut known: Option<HeldOut> = None;
     let mut k = fit.model.effects.len();
     while k > 0 {
         k -= 1;
         let less = fitter.refit_without(&fit, k);
+        let wanted = ids(&less);
+        let as_they_stood = stood.iter().filter(|stood| ids(stood) == wanted).map(|stood| fitter.refit(&stood.model, &stood.theta));
+        let less = as_they_stood.fold(less, |best, next| fitter.better(best, next));
         // A model is no worse than one that it holds within it: its own fit had stopped short.
         if less.rmse_bar < fit.rmse_bar {
             let again = fitter.refit(&fit.model, &put_back(&fit, k, &less));
@@ -29,6 +33,10 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool) -> Fit<'
         }
     }
     fit
+}
+
+fn ids(fit: &Fit<'_>) -> Vec<&'static str> {
+    fit.model.effects.iter().map(|e| e.id()).collect()
 }
 
 /// The values of `less` with effect number `k` of a fit beside them, and as much less dead time as that effect brings.

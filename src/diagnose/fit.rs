@@ -244,9 +244,14 @@ impl<'e> Fitter<'e> {
         nats + fit.prior_nats / self.effective()
     }
 
+    /// The better one of two fits, the first of equals.
+    pub fn better<'a>(&self, first: Fit<'a>, second: Fit<'a>) -> Fit<'a> {
+        if self.objective(&second).total_cmp(&self.objective(&first)).is_lt() { second } else { first }
+    }
+
     /// The best of these fits, the first of equals; nothing of none.
     pub fn best<'a>(&self, fits: impl IntoIterator<Item = Fit<'a>>) -> Option<Fit<'a>> {
-        fits.into_iter().min_by(|a, b| self.objective(a).total_cmp(&self.objective(b)))
+        fits.into_iter().reduce(|best, next| self.better(best, next))
     }
 
     /// What `next` gains over `fit` in what a fit minimises [nats].

@@ -10,6 +10,7 @@ use super::descent::Descent;
 use super::evidence::Evidence;
 use super::fit::{Fit, Fitter};
 use super::model::Model;
+use super::round::Ranked;
 use super::search;
 use super::simulator::Simulator;
 use crate::course::{Input, Run};
@@ -251,4 +252,51 @@ fn what_the_calibration_was_bent_for_is_looked_for_however_well_the_record_is_fo
     let mut late = names(-0.03);
     late.sort_unstable();
     assert_eq!(late, ["creep", "transport_delay"], "30 ms later than calibrated");
+}
+
+#[test]
+fn what_stood_in_the_search_stands_again_where_a_later_effect_is_not_confirmed() {
+    let shift = effect("reference_shift").unwrap();
+    let evidence = evidence(shift, &[0.0, 0.3, 23.4, 0.0], 0.0, 9);
+    let valve = valve();
+    let base = Model::base(&valve).unwrap().on(&evidence);
+    let fitter = Fitter::new(&evidence);
+    let with = base.with(shift, 0.0);
+    let stood = fitter.refit(&with, &[base.calibrated().as_slice(), &[0.0, 0.3, 23.4, 0.0]].concat());
+    // Beside an effect more the shift has gone astray, to where no gradient brings it back.
+    let more = with.with(effect("transport_delay").unwrap(), 0.0);
+    let theta = [base.calibrated().as_slice(), &[0.0, 0.05, 46.0, 0.0, 0.0]].concat();
+    let astray = fitter.score(&mut Simulator::new(&evidence), &more, &theta, &mut Vec::new());
+    let kept = |stood: &[&Fit<'_>]| {
+        let kept = super::confirm::confirmed(&fitter, astray.clone(), false, stood);
+        (kept.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>(), kept.rmse_bar)
+    };
+    assert!(kept(&[]).1 > 2.0 * stood.rmse_bar, "{:?}", kept(&[]));
+    let (ids, rmse_bar) = kept(&[&stood]);
+    assert_eq!(ids, ["reference_shift"]);
+    assert!(rmse_bar < 1.001 * stood.rmse_bar, "{rmse_bar} bar instead of {}", stood.rmse_bar);
+}
+
+#[test]
+fn of_two_that_do_the_same_the_one_that_holds_no_other_is_named_whatever_the_last_digits_say() {
+    let evidence = evidence(effect("sensor_lag").unwrap(), &[0.06, 0.0], 0.0, 5);
+    let valve = valve();
+    let base = Model::base(&valve).unwrap().on(&evidence);
+    let mut fitter = Fitter::new(&evidence);
+    let null = fitter.recalibrate(&base, &[]);
+    let with = |id: &str| {
+        let model = base.with(effect(id).unwrap(), 0.0).holding(1).unwrap();
+        let own = if id == "sensor_lag" { 0.0 } else { 1.0 };
+        let fit = fitter.refit(&model, &[base.calibrated().as_slice(), &[0.06, own]].concat());
+        Ranked { effect: effect(id).unwrap(), fit }
+    };
+    let (plain, holds_it) = (with("first_order_lag"), with("sensor_lag"));
+    fitter.tau_samples = search::correlation(&fitter, &plain.fit);
+    let named = |nats: f64| {
+        let mean_nats = plain.fit.mean_nats - nats / fitter.effective();
+        let fit = Fit { mean_nats, model: holds_it.fit.model.clone(), ..plain.fit.clone() };
+        search::simplest(&fitter, &null, &[&Ranked { effect: holds_it.effect, fit }, &plain]).unwrap().model.effects[0].id()
+    };
+    assert_eq!(named(1e-6), "first_order_lag");
+    assert_eq!(named(200.0), "sensor_lag");
 }

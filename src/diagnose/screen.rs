@@ -270,7 +270,7 @@ impl Fitter<'_> {
         (split[AT.late], split[AT.lag]) = (calibrated[AT.late], calibrated[AT.lag]);
         let starts = [split, [&calibrated[..], &best.theta[BASE..]].concat()];
         let others: Vec<Fit<'a>> = starts.par_iter().map(|start| self.polish(&best.model, start, OTHER_BASE_STEPS)).collect();
-        best = others.into_iter().fold(best, |best, next| if self.objective(&next) < self.objective(&best) { next } else { best });
+        best = others.into_iter().fold(best, |best, next| self.better(best, next));
         best = self.walk(simulator, best);
         for _ in 0..MORE {
             let next = self.polish_in(simulator, &best.model, &best.theta, Descent::of(MORE_STEPS));
@@ -322,7 +322,7 @@ impl Fitter<'_> {
             // Also from the calibration: the base may have moved for what goes.
             let calibrated = [&simpler.calibrated(), &fit.theta[BASE..]].concat();
             let (less, other) = rayon::join(|| self.polish(&simpler, &fit.theta, 4), || self.polish(&simpler, &calibrated, 4));
-            let less = if self.objective(&other) < self.objective(&less) { other } else { less };
+            let less = self.better(less, other);
             if less.bic(effective) < fit.bic(effective) {
                 fit = less;
             }

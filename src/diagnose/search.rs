@@ -59,7 +59,8 @@ pub fn recalibrated<'a>(fitter: &Fitter<'_>, base: Model<'a>) -> (Fit<'a>, Model
 pub fn search_in<'a>(fitter: &mut Fitter<'_>, looking: Option<&mut Fitter<'_>>, base: &Model<'a>) -> Search<'a> {
     let Some(looking) = looking else {
         let found = search(fitter, base);
-        return Search { chosen: confirmed(fitter, found.chosen, false), ..found };
+        let chosen = confirmed(fitter, found.chosen, false, &incumbents(&found.rounds));
+        return Search { chosen, ..found };
     };
     let found = search(looking, base);
     let starts = [&found.null.theta[..], &found.chosen.theta[..BASE]];
@@ -71,12 +72,17 @@ pub fn search_in<'a>(fitter: &mut Fitter<'_>, looking: Option<&mut Fitter<'_>>, 
             let mut fitter = fitter.looking_at(&all);
             let chosen = fitter.refit(&found.chosen.model, &found.chosen.theta);
             fitter.tau_samples = correlation(&fitter, &chosen);
-            confirmed(&fitter, chosen, true)
+            confirmed(&fitter, chosen, true, &incumbents(&found.rounds))
         },
     );
     let chosen = fitter.refit(&confirmed.model, &confirmed.theta);
     fitter.tau_samples = correlation(fitter, &chosen);
     Search { null: null.unwrap_or(found.null), chosen, rounds: found.rounds }
+}
+
+/// The models that a search has gone through.
+fn incumbents<'r, 'a>(rounds: &'r [Round<'a>]) -> Vec<&'r Fit<'a>> {
+    rounds.iter().map(|round| &round.incumbent).collect()
 }
 
 /// Searches the library.
@@ -109,7 +115,8 @@ fn search<'a>(fitter: &mut Fitter<'_>, base: &Model<'a>) -> Search<'a> {
         if chosen.model.effects.is_empty() {
             null = chosen.clone();
         }
-        let next = simplest(fitter, &chosen, &ranked).filter(|next| !follows || !fitter.criteria.denies(next.prior_nats));
+        let open: Vec<&Ranked<'a>> = ranked.iter().filter(|r| !follows || !fitter.criteria.denies(r.fit.prior_nats)).collect();
+        let next = simplest(fitter, &chosen, &open);
         rounds.push(Round { incumbent: chosen.clone(), ranked, effective });
         match next {
             Some(fit) => chosen = with_lag(fitter, settle(fitter, fit, &rounds)),
@@ -175,7 +182,7 @@ fn simplify(fitter: &Fitter<'_>, incumbent: &Fit<'_>, ranked: &mut [Ranked<'_>])
 
 /// The best candidate of worth; among those that are as good as it, the one with the fewest free parameters, then the
 /// one whose physics has the fewest.
-fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>]) -> Option<Fit<'a>> {
+pub(super) fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[&Ranked<'a>]) -> Option<Fit<'a>> {
     let (effective, criteria) = (fitter.effective(), &fitter.criteria);
     let gain = |r: &Ranked<'_>| incumbent.bic(effective) - r.fit.bic(effective);
     let mut worthy = ranked.iter().filter(|r| worth(fitter, incumbent, &r.fit));
@@ -191,14 +198,16 @@ fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[Ranked<'a>])
         fitter.against_good && r.fit.rmse_bar < known * fitter.floor_bar && plainly()
     };
     let is_as_good = |r: &Ranked<'_>| gain(r) > criteria.as_good * gain(best) || gain(r) > criteria.cause_first * gain(best) && follows(r);
-    let as_good: Vec<&Ranked<'a>> =
-        ranked.iter().filter(|r| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit)).collect();
+    let is_one = |r: &&Ranked<'a>| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit);
+    let as_good: Vec<&Ranked<'a>> = ranked.iter().copied().filter(is_one).collect();
     let fewest = as_good.iter().map(|r| r.fit.model.extra_parameters()).min()?;
     let lean = || as_good.iter().filter(|r| r.fit.model.extra_parameters() == fewest);
     let most = lean().map(|r| gain(r)).fold(f64::NEG_INFINITY, f64::max);
-    // An effect at the edge of its range explains by what it does not mean to be.
-    let nature = |r: &&&Ranked<'a>| (r.fit.at_edge(), r.effect.parameters().len());
-    lean().filter(|r| gain(r) > most - criteria.tie).min_by_key(nature).map(|r| r.fit.clone())
+    let tied = || lean().filter(|r| gain(r) > most - criteria.tie);
+    // An effect at the edge of its range explains by what it does not mean to be; and of two that do the same, to the last digits in which
+    // they differ, the one that holds the other within it does no more than that.
+    let holds_another = |r: &Ranked<'_>| r.effect.nested().is_some_and(|nested| tied().any(|other| other.effect.id() == nested.id));
+    tied().min_by_key(|r| (r.fit.at_edge(), r.effect.parameters().len(), holds_another(r))).map(|r| r.fit.clone())
 }
 
 /// The incumbent, refitted from where its best challengers ended: otherwise it loses by its own missed optimum.

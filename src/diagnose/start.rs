@@ -48,7 +48,7 @@ fn rivals<'a>(fitter: &Fitter<'_>, search: &Search<'a>, k: usize, less: &Fit<'a>
     let near: Vec<_> = round.ranked.iter().filter(is_new).take(MOST).collect();
     let fits: Vec<Fit<'a>> = near.into_par_iter().map(|r| round.beside(fitter, r.effect, less)).collect();
     let strong = fits.into_iter().filter(|fit| less.bic(effective) - fit.bic(effective) > fitter.criteria.very_strong);
-    let mut held: Vec<Fit<'a>> = strong.map(|fit| confirmed(fitter, fit, false)).collect();
+    let mut held: Vec<Fit<'a>> = strong.map(|fit| confirmed(fitter, fit, false, &[])).collect();
     held.retain(|fit| fit.model.effects.len() == less.model.effects.len() + 1);
     held.sort_by(|a, b| a.bic(effective).total_cmp(&b.bic(effective)));
     held

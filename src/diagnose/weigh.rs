@@ -100,7 +100,7 @@ impl<'a> Findings<'_, 'a> {
         let fitter = all.unwrap_or(self.fitter);
         let seen = all.map(|all| all.refit(&self.search.chosen.model, &self.search.chosen.theta));
         let chosen = seen.as_ref().unwrap_or(&self.search.chosen);
-        let next = confirmed(fitter, fitter.refit(&best.1.model, &best.1.theta), false);
+        let next = confirmed(fitter, fitter.refit(&best.1.model, &best.1.theta), false, &[]);
         let whole = next.model.effects.len() == chosen.model.effects.len();
         // On held-out data it is as good, which for two that do the same is a matter of the last digits.
         let carried = || fitter.criteria.as_good * held_out(fitter, &next, 4).weighed_bar() <= held_out(fitter, chosen, 4).weighed_bar();
