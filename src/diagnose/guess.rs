@@ -1,26 +1,42 @@
 //! An answer that three things speak against at once: a guess, and none is made.
 //!
-//! Each of them is told beside a name, and leaves it one: that no single name reaches its share, that what the model does on other drives
-//! is open, and that the calibration beside the effects is one that data of the good valve denies. With all three the
-//! record has been followed by something, at a price that the valve does not pay, and nobody knows by what.
+//! Each of them is told beside a name, and leaves it one: that no single name reaches its share or has to go to the end of its range, that
+//! what the model does on other drives is open, and that the calibration beside the effects is one that data of the good valve denies. With
+//! all three the record has been followed by something, at a price that the valve does not pay, and nobody knows by what. Likewise where
+//! something has to go to the end of its range, and more is open on other drives than was wrong on this one: two corrections that cancel
+//! each other here, and nowhere else. And what is not in its own credible set, where held-out data does not confirm it beyond chance.
 
-use super::diagnosis::Diagnosis;
+use super::diagnosis::{Diagnosis, Finding};
 use super::fit::{Fit, Fitter};
 use super::words::title;
 
 /// What to say of a diagnosis that is a guess, by the fit that it was made of; nothing where it is none.
 pub fn guess(fitter: &Fitter<'_>, found: &Diagnosis, chosen: &Fit<'_>) -> Option<String> {
-    let is_class = !found.effects.is_empty() && found.effects.iter().all(|effect| effect.is_class);
-    let is_open = found.other_drives.as_ref().is_some_and(|there| there.is_too_much);
-    let is_denied = fitter.is_vouched && fitter.criteria.denies(chosen.prior_nats);
-    (is_class && is_open && is_denied).then(|| {
-        let mut names: Vec<String> = found.effects.iter().map(|effect| title(&effect.id)).collect();
-        names.extend(found.effects.iter().flat_map(|effect| effect.indistinguishable.iter().map(|id| title(id))));
-        format!(
-            "{} would follow this record beside a calibration that data of the good valve denies, and leave open what other drives do: none is named",
-            names.join(" or ")
-        )
-    })
+    let criteria = &fitter.criteria;
+    if found.effects.is_empty() || !found.effects.iter().all(|effect| effect.is_class) {
+        return None;
+    }
+    let there = found.other_drives.as_ref().filter(|there| there.is_too_much);
+    let is_by_chance =
+        |effect: &Finding| effect.share < 1.0 - criteria.credible && effect.heldout_gain_ci_bar.is_some_and(|(low_bar, _)| low_bar <= 0.0);
+    let price = match there {
+        Some(_) if fitter.is_vouched && criteria.denies(chosen.prior_nats) => {
+            "beside a calibration that data of the good valve denies, and leave open what other drives do".to_string()
+        }
+        Some(there) if goes_to_the_end(chosen) && there.open_bar > found.rmse_bar.base => {
+            format!("and leave {:.3} bar open on other drives, more than the model as given is off here", there.open_bar)
+        }
+        _ if found.effects.iter().all(is_by_chance) => "no better than by chance where it was held out".to_string(),
+        _ => return None,
+    };
+    let mut names: Vec<String> = found.effects.iter().map(|effect| title(&effect.id)).collect();
+    names.extend(found.effects.iter().flat_map(|effect| effect.indistinguishable.iter().map(|id| title(id))));
+    Some(format!("{} would follow this record {price}: none is named", names.join(" or ")))
+}
+
+/// Whether an effect explains by what it does not mean to be.
+fn goes_to_the_end(fit: &Fit<'_>) -> bool {
+    (0..fit.model.effects.len()).any(|k| fit.at_bound(k))
 }
 
 #[cfg(test)]
@@ -30,6 +46,7 @@ mod tests {
     use super::super::diagnosis::tests::nothing;
     use super::super::diagnosis::{Claim, Finding, OtherDrives};
     use super::super::model::Model;
+    use super::super::simulator::Simulator;
     use super::*;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
 
@@ -41,7 +58,7 @@ mod tests {
             is_class,
             parameters: BTreeMap::new(),
             heldout_gain_bar: 0.1,
-            heldout_gain_ci_bar: None,
+            heldout_gain_ci_bar: Some((0.01, 0.2)),
             p_value: 0.01,
             indistinguishable: vec!["sensor_lag".into()],
             evidence: String::new(),
@@ -49,18 +66,22 @@ mod tests {
     }
 
     #[test]
-    fn a_class_beside_a_denied_calibration_that_leaves_other_drives_open_is_a_guess_and_two_of_the_three_are_none() {
+    fn a_class_that_leaves_other_drives_open_is_a_guess_beside_a_denied_calibration_or_where_more_is_open_than_was_wrong() {
         let valve = straight();
         let evidence = held(vec![straight_run(waves(3000), |_, _| 0.0)]);
         let fitter = Fitter { is_vouched: true, ..Fitter::new(&evidence) };
         let base = Model::base(&valve).unwrap().on(&evidence);
         let free = fitter.recalibrate(&base, &[]);
-        let said = |is_class: bool, is_too_much: bool, is_vouched: bool, prior_nats: f64| {
+        let found = |is_class: bool, is_too_much: bool, base: f64| {
             let mut found = nothing();
             found.effects = vec![finding(is_class)];
+            found.rmse_bar.base = base;
             found.other_drives = Some(OtherDrives { open_bar: 0.4, most_on: "steps".into(), is_too_much });
+            found
+        };
+        let said = |is_class: bool, is_too_much: bool, is_vouched: bool, prior_nats: f64| {
             let fitter = Fitter { is_vouched, ..fitter.looking_at(&evidence) };
-            guess(&fitter, &found, &Fit { prior_nats, ..free.clone() })
+            guess(&fitter, &found(is_class, is_too_much, 0.39), &Fit { prior_nats, ..free.clone() })
         };
         let note = said(true, true, true, 40.0).unwrap();
         assert!(note.starts_with("flow limit or sensor lag would follow"), "{note}");
@@ -69,6 +90,29 @@ mod tests {
         {
             assert_eq!(two, None);
         }
+        let shifted = |gain: f64, is_class: bool, is_too_much: bool, base_bar: f64| {
+            let model = base.with(crate::physics::effect("reference_shift").unwrap(), 0.0);
+            let theta = [base.calibrated().as_slice(), &[gain, 0.0, 0.0, 0.0]].concat();
+            let chosen = fitter.score(&mut Simulator::new(&evidence), &model, &theta, &mut Vec::new());
+            guess(&fitter, &found(is_class, is_too_much, base_bar), &Fit { prior_nats: 4.0, ..chosen })
+        };
+        let note = shifted(-0.4, true, true, 0.39).unwrap();
+        assert!(note.contains("leave 0.400 bar open on other drives"), "{note}");
+        for none in [
+            shifted(-0.3, true, true, 0.39),
+            shifted(-0.4, false, true, 0.39),
+            shifted(-0.4, true, false, 0.39),
+            shifted(-0.4, true, true, 0.41),
+        ] {
+            assert_eq!(none, None);
+        }
+        let by_chance = |share: f64, low_bar: f64| {
+            let mut found = nothing();
+            found.effects = vec![Finding { share, heldout_gain_ci_bar: Some((low_bar, 0.2)), ..finding(true) }];
+            guess(&fitter, &found, &free)
+        };
+        assert!(by_chance(0.05, -0.01).is_some_and(|note| note.contains("no better than by chance")));
+        assert_eq!([by_chance(0.05, 0.01), by_chance(0.3, -0.01)], [None, None]);
         let of_nothing = guess(&fitter, &nothing(), &Fit { prior_nats: 40.0, ..free });
         assert_eq!(of_nothing, None);
     }
