@@ -84,7 +84,7 @@ mod tests {
         let found = |ranked| {
             let round = Round { incumbent: null.clone(), ranked, effective: fitter.effective() };
             let search = Search { null: null.clone(), chosen: null.clone(), rounds: vec![round] };
-            best_of_all(&fitter, &search, true).map(|fit| fit.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>())
+            best_of_all(&fitter, &search, true).map(|fit| fit.ids())
         };
         assert_eq!(found(vec![gaining("transport_delay", 900.0), gaining("sensor_zero", 600.0)]), Some(vec!["sensor_zero"]));
         assert_eq!(found(vec![gaining("transport_delay", 900.0)]), None, "a delay follows no zero that is off");

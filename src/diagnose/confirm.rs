@@ -17,8 +17,8 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool, stood: &
     while k > 0 {
         k -= 1;
         let less = fitter.refit_without(&fit, k);
-        let wanted = ids(&less);
-        let as_they_stood = stood.iter().filter(|stood| ids(stood) == wanted).map(|stood| fitter.refit(&stood.model, &stood.theta));
+        let wanted = less.ids();
+        let as_they_stood = stood.iter().filter(|stood| stood.ids() == wanted).map(|stood| fitter.refit(&stood.model, &stood.theta));
         let less = as_they_stood.fold(less, |best, next| fitter.better(best, next));
         // A model is no worse than one that it holds within it: its own fit had stopped short.
         if less.rmse_bar < fit.rmse_bar {
@@ -33,10 +33,6 @@ pub fn confirmed<'a>(fitter: &Fitter<'_>, mut fit: Fit<'a>, anew: bool, stood: &
         }
     }
     fit
-}
-
-fn ids(fit: &Fit<'_>) -> Vec<&'static str> {
-    fit.model.effects.iter().map(|e| e.id()).collect()
 }
 
 /// The values of `less` with effect number `k` of a fit beside them, and as much less dead time as that effect brings.

@@ -38,6 +38,11 @@ impl Fit<'_> {
         Self { model: self.model.without(k), theta, ..self.clone() }
     }
 
+    /// The ids of its effects, in their order.
+    pub fn ids(&self) -> Vec<&'static str> {
+        self.model.effects.iter().map(|e| e.id()).collect()
+    }
+
     /// BIC on `effective` samples, the mean of two likelihoods: the t, which rare events move little, and the normal,
     /// which they move most. An effect of events shows in the second, one of the course in both.
     pub fn bic(&self, effective: f64) -> f64 {

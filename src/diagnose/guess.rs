@@ -1,4 +1,4 @@
-//! An answer that three things speak against at once: a guess, and none is made.
+//! An answer that several things speak against at once: a guess, and none is made.
 //!
 //! Each of them is told beside a name, and leaves it one: that no single name reaches its share or has to go to the end of its range, that
 //! what the model does on other drives is open, and that the calibration beside the effects is one that data of the good valve denies. With
@@ -34,7 +34,7 @@ pub fn guess(fitter: &Fitter<'_>, found: &Diagnosis, chosen: &Fit<'_>) -> Option
     Some(format!("{} would follow this record {price}: none is named", names.join(" or ")))
 }
 
-/// Whether an effect explains by what it does not mean to be.
+/// Whether a value of an effect had to go to the end of its range.
 fn goes_to_the_end(fit: &Fit<'_>) -> bool {
     (0..fit.model.effects.len()).any(|k| fit.at_bound(k))
 }

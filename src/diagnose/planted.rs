@@ -245,8 +245,7 @@ fn what_the_calibration_was_bent_for_is_looked_for_however_well_the_record_is_fo
         let base = Model::base(&valve).unwrap().on(&evidence);
         // A good valve that is off by twice the noise.
         let mut fitter = Fitter { floor_bar: 2.0 * NOISE_BAR, against_good: true, is_vouched: true, ..Fitter::new(&evidence) };
-        let chosen = search::search_in(&mut fitter, None, &base).chosen;
-        chosen.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>()
+        search::search_in(&mut fitter, None, &base).chosen.ids()
     };
     assert_eq!(names(0.0), ["creep"]);
     let mut late = names(-0.03);
@@ -269,7 +268,7 @@ fn what_stood_in_the_search_stands_again_where_a_later_effect_is_not_confirmed()
     let astray = fitter.score(&mut Simulator::new(&evidence), &more, &theta, &mut Vec::new());
     let kept = |stood: &[&Fit<'_>]| {
         let kept = super::confirm::confirmed(&fitter, astray.clone(), false, stood);
-        (kept.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>(), kept.rmse_bar)
+        (kept.ids(), kept.rmse_bar)
     };
     assert!(kept(&[]).1 > 2.0 * stood.rmse_bar, "{:?}", kept(&[]));
     let (ids, rmse_bar) = kept(&[&stood]);

@@ -150,11 +150,11 @@ fn hand_back<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &mut [Ranked<
     let near = |fit: &Fit<'_>| fit.bic(effective) < best_bic + HANDED_NATS || fitter.gain(incumbent, fit) < 0.0;
     ranked.par_iter_mut().filter(|r| near(&r.fit) && r.fit.theta[..BASE] != base[..]).for_each(|r| {
         let mut simulator = Simulator::new(fitter.evidence);
-        let starts = [&base[..], &incumbent.theta[..BASE]].map(|from| {
+        let [of_best, own_base] = [&base[..], &incumbent.theta[..BASE]].map(|from| {
             let theta = [from, &incumbent.theta[BASE..own], &r.fit.theta[own..]].concat();
             fitter.score_near(&mut simulator, &r.fit.model, &theta, r.fit.scale_bar, &mut Vec::new())
         });
-        let start = if fitter.objective(&starts[1]) < fitter.objective(&starts[0]) { &starts[1] } else { &starts[0] };
+        let start = fitter.better(of_best, own_base);
         let mut next = fitter.polish(&r.fit.model, &start.theta, 2);
         if fitter.gain(&r.fit, &next) > -HANDED_SHORT_NATS {
             next = fitter.polish(&r.fit.model, &next.theta, HANDED_STEPS - 2);
@@ -181,7 +181,7 @@ fn simplify(fitter: &Fitter<'_>, incumbent: &Fit<'_>, ranked: &mut [Ranked<'_>])
 }
 
 /// The best candidate of worth; among those that are as good as it, the one with the fewest free parameters, then the
-/// one whose physics has the fewest.
+/// one whose physics has the fewest, then one that holds no other of them within it.
 pub(super) fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[&Ranked<'a>]) -> Option<Fit<'a>> {
     let (effective, criteria) = (fitter.effective(), &fitter.criteria);
     let gain = |r: &Ranked<'_>| incumbent.bic(effective) - r.fit.bic(effective);
@@ -198,8 +198,8 @@ pub(super) fn simplest<'a>(fitter: &Fitter<'_>, incumbent: &Fit<'a>, ranked: &[&
         fitter.against_good && r.fit.rmse_bar < known * fitter.floor_bar && plainly()
     };
     let is_as_good = |r: &Ranked<'_>| gain(r) > criteria.as_good * gain(best) || gain(r) > criteria.cause_first * gain(best) && follows(r);
-    let is_one = |r: &&Ranked<'a>| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit);
-    let as_good: Vec<&Ranked<'a>> = ranked.iter().copied().filter(is_one).collect();
+    let may_be_it = |r: &&Ranked<'a>| r.effect.kind() == best.effect.kind() && is_as_good(r) && worth(fitter, incumbent, &r.fit);
+    let as_good: Vec<&Ranked<'a>> = ranked.iter().copied().filter(may_be_it).collect();
     let fewest = as_good.iter().map(|r| r.fit.model.extra_parameters()).min()?;
     let lean = || as_good.iter().filter(|r| r.fit.model.extra_parameters() == fewest);
     let most = lean().map(|r| gain(r)).fold(f64::NEG_INFINITY, f64::max);

@@ -10,10 +10,9 @@ use super::round::Round;
 /// The variance between models of each parameter of `chosen`, in its own unit: from the round of the search in which nothing more was
 /// worth adding to it. All that was tried there together is as likely beforehand as nothing more.
 pub fn between_models(fitter: &Fitter<'_>, chosen: &Fit<'_>, rounds: &[Round<'_>]) -> Vec<f64> {
-    let effects = |fit: &Fit<'_>| fit.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>();
     let own = chosen.theta.len();
     let mut variance = vec![0.0; own];
-    let Some(round) = rounds.iter().rev().find(|round| effects(&round.incumbent) == effects(chosen)) else { return variance };
+    let Some(round) = rounds.iter().rev().find(|round| round.incumbent.ids() == chosen.ids()) else { return variance };
     let usual = round.incumbent.bic(round.effective);
     let weight = |fit: &Fit<'_>| {
         let nats = -0.5 * fitter.criteria.power * (fit.bic(round.effective) - usual);

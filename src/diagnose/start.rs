@@ -88,7 +88,7 @@ mod tests {
         let rounds = vec![Round { incumbent: null.clone(), ranked, effective: fitter.effective() }];
         let mut search = Search { null, chosen, rounds };
         drop_denied(&fitter, &mut search, if are_left_out { &unsettled } else { &[] });
-        search.chosen.model.effects.iter().map(|e| e.id()).collect()
+        search.chosen.ids()
     }
 
     #[test]

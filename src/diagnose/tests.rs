@@ -106,7 +106,7 @@ fn a_lag_that_a_recalibration_had_no_use_for_is_believed_beside_a_cause() {
     let evidence = Evidence::of(course).unwrap();
     let base = Model::base(&calibrated).unwrap().on(&evidence).distrusting_lag();
     let chosen = search::search_in(&mut Fitter::new(&evidence), None, &base).chosen;
-    assert_eq!(chosen.model.effects.iter().map(|e| e.id()).collect::<Vec<_>>(), ["flow_limit"]);
+    assert_eq!(chosen.ids(), ["flow_limit"]);
     let lag_s = chosen.theta[base::AT.lag];
     assert!((lag_s / calibrated.lag_s - 1.0).abs() < 0.05, "{lag_s}");
 }

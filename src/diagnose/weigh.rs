@@ -5,6 +5,8 @@
 //! share of a name is that of all sets that hold it (Hoeting, Madigan, Raftery and Volinsky, Bayesian model averaging, Statistical
 //! Science 14 (1999) 382, eq. 1). Whether there is anything to be named was decided before.
 
+use std::collections::BTreeSet;
+
 use rayon::prelude::*;
 
 use super::conclude::{Findings, Member, Weighed};
@@ -28,7 +30,7 @@ impl<'a> Findings<'_, 'a> {
     fn without(&self, k: usize) -> Fit<'a> {
         let effective = self.fitter.effective();
         let refitted = self.fitter.refit_without(&self.search.chosen, k);
-        let names = |fit: &Fit<'_>| fit.model.effects.iter().map(|e| e.id()).collect::<std::collections::BTreeSet<_>>();
+        let names = |fit: &Fit<'_>| BTreeSet::from_iter(fit.ids());
         let wanted = names(&refitted);
         let rounds = if self.looking.is_some() { &[] } else { self.search.rounds.as_slice() };
         let stood = rounds.iter().map(|r| &r.incumbent).filter(|fit| names(fit) == wanted);
