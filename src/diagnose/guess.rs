@@ -3,8 +3,8 @@
 //! Each of them is told beside a name, and leaves it one: that no single name reaches its share or has to go to the end of its range, that
 //! what the model does on other drives is open, and that the calibration beside the effects is one that data of the good valve denies. With
 //! all three the record has been followed by something, at a price that the valve does not pay, and nobody knows by what. Likewise where
-//! something has to go to the end of its range, and more is open on other drives than was wrong on this one: two corrections that cancel
-//! each other here, and nowhere else. And what is not in its own credible set, where held-out data does not confirm it beyond chance.
+//! the record sets no end to a value, and more is open on other drives than was wrong on this one: values that cancel each other here, and
+//! nowhere else. And what is not in its own credible set, where held-out data does not confirm it beyond chance.
 
 use super::diagnosis::{Diagnosis, Finding};
 use super::fit::{Fit, Fitter};
@@ -13,20 +13,21 @@ use super::words::title;
 /// What to say of a diagnosis that is a guess, by the fit that it was made of; nothing where it is none.
 pub fn guess(fitter: &Fitter<'_>, found: &Diagnosis, chosen: &Fit<'_>) -> Option<String> {
     let criteria = &fitter.criteria;
-    if found.effects.is_empty() || !found.effects.iter().all(|effect| effect.is_class) {
+    if found.effects.is_empty() {
         return None;
     }
+    let is_class = found.effects.iter().all(|effect| effect.is_class);
     let there = found.other_drives.as_ref().filter(|there| there.is_too_much);
     let is_by_chance =
         |effect: &Finding| effect.share < 1.0 - criteria.credible && effect.heldout_gain_ci_bar.is_some_and(|(low_bar, _)| low_bar <= 0.0);
     let price = match there {
-        Some(_) if fitter.is_vouched && criteria.denies(chosen.prior_nats) => {
+        Some(_) if is_class && fitter.is_vouched && criteria.denies(chosen.prior_nats) => {
             "beside a calibration that data of the good valve denies, and leave open what other drives do".to_string()
         }
-        Some(there) if goes_to_the_end(chosen) && there.open_bar > found.rmse_bar.base => {
+        Some(there) if there.open_bar > found.rmse_bar.base && found.effects.iter().chain(&found.form).any(is_without_end) => {
             format!("and leave {:.3} bar open on other drives, more than the model as given is off here", there.open_bar)
         }
-        _ if found.effects.iter().all(is_by_chance) => "no better than by chance where it was held out".to_string(),
+        _ if is_class && found.effects.iter().all(is_by_chance) => "no better than by chance where it was held out".to_string(),
         _ => return None,
     };
     let mut names: Vec<String> = found.effects.iter().map(|effect| title(&effect.id)).collect();
@@ -34,9 +35,9 @@ pub fn guess(fitter: &Fitter<'_>, found: &Diagnosis, chosen: &Fit<'_>) -> Option
     Some(format!("{} would follow this record {price}: none is named", names.join(" or ")))
 }
 
-/// Whether a value of an effect had to go to the end of its range.
-fn goes_to_the_end(fit: &Fit<'_>) -> bool {
-    (0..fit.model.effects.len()).any(|k| fit.at_bound(k))
+/// Whether the record sets no end to a value on one side.
+fn is_without_end(finding: &Finding) -> bool {
+    finding.parameters.values().any(|estimate| estimate.interval.is_some_and(|(low, high)| low.is_none() || high.is_none()))
 }
 
 #[cfg(test)]
@@ -44,9 +45,8 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::super::diagnosis::tests::nothing;
-    use super::super::diagnosis::{Claim, Finding, OtherDrives};
+    use super::super::diagnosis::{Claim, Estimate, Finding, Interval, OtherDrives};
     use super::super::model::Model;
-    use super::super::simulator::Simulator;
     use super::*;
     use crate::diagnose::evidence::tests::{held, straight, straight_run, waves};
 
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn a_class_that_leaves_other_drives_open_is_a_guess_beside_a_denied_calibration_or_where_more_is_open_than_was_wrong() {
+    fn what_leaves_other_drives_open_is_a_guess_as_a_class_beside_a_denied_calibration_or_where_it_has_no_end() {
         let valve = straight();
         let evidence = held(vec![straight_run(waves(3000), |_, _| 0.0)]);
         let fitter = Fitter { is_vouched: true, ..Fitter::new(&evidence) };
@@ -90,20 +90,16 @@ mod tests {
         {
             assert_eq!(two, None);
         }
-        let shifted = |gain: f64, is_class: bool, is_too_much: bool, base_bar: f64| {
-            let model = base.with(crate::physics::effect("reference_shift").unwrap(), 0.0);
-            let theta = [base.calibrated().as_slice(), &[gain, 0.0, 0.0, 0.0]].concat();
-            let chosen = fitter.score(&mut Simulator::new(&evidence), &model, &theta, &mut Vec::new());
-            guess(&fitter, &found(is_class, is_too_much, base_bar), &Fit { prior_nats: 4.0, ..chosen })
+        let ended = |interval: Interval, is_too_much: bool, base_bar: f64| {
+            let mut found = found(false, is_too_much, base_bar);
+            let estimate = Estimate { value: -0.04, std_error: None, interval: Some(interval), unit: "A".into() };
+            found.effects[0].parameters.insert("current".into(), estimate);
+            guess(&fitter, &found, &free)
         };
-        let note = shifted(-0.4, true, true, 0.39).unwrap();
+        let (without_end, with_ends) = ((None, Some(-0.02)), (Some(-0.045), Some(-0.02)));
+        let note = ended(without_end, true, 0.39).unwrap();
         assert!(note.contains("leave 0.400 bar open on other drives"), "{note}");
-        for none in [
-            shifted(-0.3, true, true, 0.39),
-            shifted(-0.4, false, true, 0.39),
-            shifted(-0.4, true, false, 0.39),
-            shifted(-0.4, true, true, 0.41),
-        ] {
+        for none in [ended(with_ends, true, 0.39), ended(without_end, false, 0.39), ended(without_end, true, 0.41)] {
             assert_eq!(none, None);
         }
         let by_chance = |share: f64, low_bar: f64| {

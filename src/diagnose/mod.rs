@@ -241,7 +241,10 @@ fn on_evidence(
         let search = apart::search(&mut fitter, looking.as_mut(), &still);
         let (named, search) = beside.answer(&still, (&fitter, looking.as_ref()), search);
         if apart::follows(&fitter, &null, &search.chosen) && named.diagnosis.is_followed() {
-            (found, chosen) = (named, search.chosen);
+            match guess::guess(&fitter, &named.diagnosis, &search.chosen) {
+                Some(note) => found.diagnosis.notes.push(note),
+                None => (found, chosen) = (named, search.chosen),
+            }
         }
     }
     let remains = found.diagnosis.unexplained.is_some();
