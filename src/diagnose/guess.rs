@@ -3,8 +3,8 @@
 //! Each of them is told beside a name, and leaves it one: that no single name reaches its share or has to go to the end of its range, that
 //! what the model does on other drives is open, and that the calibration beside the effects is one that data of the good valve denies. With
 //! all three the record has been followed by something, at a price that the valve does not pay, and nobody knows by what. Likewise where
-//! the record sets no end to a value, and more is open on other drives than was wrong on this one: values that cancel each other here, and
-//! nowhere else. And what is not in its own credible set, where held-out data does not confirm it beyond chance.
+//! the record sets no end to a value, others would do as well as the one that is named, and more is open on other drives than was wrong on
+//! this one: values that cancel each other here, and nowhere else. And what is not in its own credible set, where held-out data does not confirm it beyond chance.
 
 use super::diagnosis::{Diagnosis, Finding};
 use super::fit::{Fit, Fitter};
@@ -24,7 +24,11 @@ pub fn guess(fitter: &Fitter<'_>, found: &Diagnosis, chosen: &Fit<'_>) -> Option
         Some(_) if is_class && fitter.is_vouched && criteria.denies(chosen.prior_nats) => {
             "beside a calibration that data of the good valve denies, and leave open what other drives do".to_string()
         }
-        Some(there) if there.open_bar > found.rmse_bar.base && found.effects.iter().chain(&found.form).any(is_without_end) => {
+        Some(there)
+            if there.open_bar > found.rmse_bar.base
+                && found.effects.iter().all(|effect| effect.is_class || effect.share < criteria.credible)
+                && found.effects.iter().chain(&found.form).any(is_without_end) =>
+        {
             format!("and leave {:.3} bar open on other drives, more than the model as given is off here", there.open_bar)
         }
         _ if is_class && found.effects.iter().all(is_by_chance) => "no better than by chance where it was held out".to_string(),
@@ -90,16 +94,22 @@ mod tests {
         {
             assert_eq!(two, None);
         }
-        let ended = |interval: Interval, is_too_much: bool, base_bar: f64| {
+        let ended = |interval: Interval, share: f64, is_too_much: bool, base_bar: f64| {
             let mut found = found(false, is_too_much, base_bar);
+            found.effects[0].share = share;
             let estimate = Estimate { value: -0.04, std_error: None, interval: Some(interval), unit: "A".into() };
             found.effects[0].parameters.insert("current".into(), estimate);
             guess(&fitter, &found, &free)
         };
         let (without_end, with_ends) = ((None, Some(-0.02)), (Some(-0.045), Some(-0.02)));
-        let note = ended(without_end, true, 0.39).unwrap();
+        let note = ended(without_end, 0.7, true, 0.39).unwrap();
         assert!(note.contains("leave 0.400 bar open on other drives"), "{note}");
-        for none in [ended(with_ends, true, 0.39), ended(without_end, false, 0.39), ended(without_end, true, 0.41)] {
+        for none in [
+            ended(with_ends, 0.7, true, 0.39),
+            ended(without_end, 1.0, true, 0.39),
+            ended(without_end, 0.7, false, 0.39),
+            ended(without_end, 0.7, true, 0.41),
+        ] {
             assert_eq!(none, None);
         }
         let by_chance = |share: f64, low_bar: f64| {
