@@ -4,7 +4,8 @@
 //! what the model does on other drives is open, and that the calibration beside the effects is one that data of the good valve denies. With
 //! all three the record has been followed by something, at a price that the valve does not pay, and nobody knows by what. Likewise where
 //! the record sets no end to a value, others would do as well as the one that is named, and more is open on other drives than was wrong on
-//! this one: values that cancel each other here, and nowhere else. And what is not in its own credible set, where held-out data does not confirm it beyond chance.
+//! this one: values that cancel each other here, and nowhere else. And what is not in its own credible set, where held-out data does not
+//! confirm it beyond chance.
 
 use super::diagnosis::{Diagnosis, Finding};
 use super::fit::{Fit, Fitter};
@@ -94,11 +95,11 @@ mod tests {
         {
             assert_eq!(two, None);
         }
+        let estimate = |interval: Interval| Estimate { value: -0.04, std_error: None, interval: Some(interval), unit: "A".into() };
         let ended = |interval: Interval, share: f64, is_too_much: bool, base_bar: f64| {
             let mut found = found(false, is_too_much, base_bar);
             found.effects[0].share = share;
-            let estimate = Estimate { value: -0.04, std_error: None, interval: Some(interval), unit: "A".into() };
-            found.effects[0].parameters.insert("current".into(), estimate);
+            found.effects[0].parameters.insert("current".into(), estimate(interval));
             guess(&fitter, &found, &free)
         };
         let (without_end, with_ends) = ((None, Some(-0.02)), (Some(-0.045), Some(-0.02)));
@@ -112,6 +113,14 @@ mod tests {
         ] {
             assert_eq!(none, None);
         }
+        // A class is one whatever its share is, and a form has values, too.
+        let of_form = |interval: Interval| {
+            let mut found = found(true, true, 0.39);
+            found.effects[0].share = 1.0;
+            found.form = vec![Finding { parameters: [("k2".into(), estimate(interval))].into(), ..finding(false) }];
+            guess(&fitter, &found, &free)
+        };
+        assert!(of_form(without_end).is_some() && of_form(with_ends).is_none());
         let by_chance = |share: f64, low_bar: f64| {
             let mut found = nothing();
             found.effects = vec![Finding { share, heldout_gain_ci_bar: Some((low_bar, 0.2)), ..finding(true) }];
