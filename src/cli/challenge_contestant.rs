@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use super::diagnose::identified_from;
+use super::good_data::GoodData;
 use super::valves::checked_valve;
 use crate::challenge::{Answer, ChallengeError, Contestant, Estimate, Named, Verdict, write_run, write_text};
 use crate::diagnose::{Criteria, Remembered, diagnose_by};
@@ -68,7 +68,7 @@ impl Processes<'_> {
             let source = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             Recording::read(path, &[]).map(|recording| Recording { source, ..recording })
         };
-        let good = identified_from((&model, &valve), &records, read);
+        let good = GoodData::of((&model, &valve), &records, read).recordings;
         let recording = read(&records[0]).map_err(|e| e.to_string())?;
         Ok(Again { folder: self.blind.clone(), recording, valve, good, remembered: Remembered::default() })
     }

@@ -1,11 +1,11 @@
 //! `hil diagnose`: where a simulation and a recording differ, what is missing, and how sure that is.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::diagnose_args::{DiagnoseArgs, Format};
 use super::diagnose_foreign::{self, Named};
-use super::identify::sha256;
+use super::good_data::GoodData;
 use super::next_plan::NextPlan;
 use super::outputs::{ATTACHED, PLAN, VALVE};
 use super::progress::Searching;
@@ -18,7 +18,7 @@ use crate::output::{Mark, Outputs};
 use crate::physics::effect;
 use crate::recording::{Reading, Recording, RecordingError, Selection, replace_file};
 use crate::report;
-use crate::valve::{Hysteresis, Identification, Valve};
+use crate::valve::{Hysteresis, Valve};
 
 /// Diagnoses, writes what was asked for, prints.
 pub fn run(args: &DiagnoseArgs) -> CliResult {
@@ -132,18 +132,11 @@ fn references(args: &DiagnoseArgs, (model, valve): (&Path, &Valve)) -> Result<Ve
     if !args.reference.is_empty() {
         return named_references(args);
     }
-    Ok(identified_from((model, valve), &args.recordings, reader(args)?))
-}
-
-/// What a model was identified from, as long as it is the same file and none of the recordings in question.
-pub(super) fn identified_from(
-    (model, valve): (&Path, &Valve),
-    recordings: &[PathBuf],
-    read: impl Fn(&Path) -> Result<Recording, RecordingError>,
-) -> Vec<Recording> {
-    let kept = valve.identification.iter().flat_map(Identification::sources).map(|(name, digest)| (model.with_file_name(name), digest));
-    let same = kept.filter(|(path, digest)| !recordings.contains(path) && sha256(path).is_ok_and(|found| found == *digest));
-    same.filter_map(|(path, _)| read(&path).ok()).collect()
+    let good = GoodData::of((model, valve), &args.recordings, reader(args)?);
+    for why in &good.missing {
+        super::note(&format!("{}: identified from a recording that says nothing here: {why}; `--reference` gives it", model.display()));
+    }
+    Ok(good.recordings)
 }
 
 /// Removes a part of a model, as if it had never been there.

@@ -36,6 +36,7 @@ mod explain;
 mod export;
 mod files;
 mod foreign_base;
+mod good_data;
 mod history;
 mod identify;
 mod init;

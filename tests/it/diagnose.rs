@@ -94,6 +94,31 @@ fn a_drift_is_named_shown_and_planned_for() {
     bench.hil(&["run", "plans/next.toml", "--sim", "--out", "run"]).success().stdout(contains("DONE"));
 }
 
+/// Models and recordings lie in folders of their own, as `hil init` lays them: the drive of the good valve is found all the same, and
+/// where it is gone the answer falls back to what the model lacks, and says what is missing.
+#[test]
+fn what_a_model_was_identified_from_is_found_beside_the_recording_and_missed_aloud() {
+    let bench = Bench::new("[[effect]]\nsensor_drift = { offset = \"0.4 bar\", tau = \"20 s\" }");
+    for folder in ["valves", "recordings"] {
+        std::fs::create_dir(bench.at(folder)).unwrap();
+    }
+    std::fs::rename(bench.at("drive.csv"), bench.at("recordings/drive.csv")).unwrap();
+    std::fs::write(bench.at("recordings/good.csv"), drive(&Valve::from_toml(PAPER, "good").unwrap())).unwrap();
+    bench.hil(&["identify", "recordings/good.csv", "-o", "valves/valve.toml"]).success();
+    let claim = || {
+        let out = bench.hil(&["diagnose", "recordings/drive.csv", "--model", "valves/valve.toml", "--format", "json"]).success();
+        let json: Value = serde_json::from_slice(&out.get_output().stdout).unwrap();
+        (json["effects"][0]["claim"].as_str().unwrap().to_owned(), String::from_utf8_lossy(&out.get_output().stderr).into_owned())
+    };
+    let (found, said) = claim();
+    assert_eq!(found, "changed");
+    assert!(!said.contains("good.csv"), "{said}");
+    std::fs::remove_file(bench.at("recordings/good.csv")).unwrap();
+    let (left, said) = claim();
+    assert_eq!(left, "lacks");
+    assert!(said.contains("good.csv lies neither beside the model nor beside the recording"), "{said}");
+}
+
 /// One lag acts before the other, and after a curve that is nearly straight no current tells them apart.
 #[test]
 fn a_lag_that_no_experiment_tells_from_another_one_is_named_with_it_and_needs_no_plan() {
