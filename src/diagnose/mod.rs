@@ -43,6 +43,7 @@ mod posterior;
 mod prior;
 mod process;
 mod profile;
+mod proposals;
 mod recall;
 mod remainder;
 mod remembered;

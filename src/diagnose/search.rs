@@ -10,10 +10,11 @@ use super::fit::{Fit, Fitter};
 use super::keeps_place::stays_before_form;
 use super::loss;
 use super::model::Model;
+use super::proposals::{Left, placed_anew};
 use super::round::{Ranked, Round};
 use super::simulator::Simulator;
 use super::watch;
-use crate::physics::{EFFECTS, Effect, Hint, Kind, Stage};
+use crate::physics::{EFFECTS, Effect, Kind, Stage};
 
 /// Bounds on how many samples count as one.
 const TAU_SAMPLES: (f64, f64) = (6.0, 60.0);
@@ -70,7 +71,7 @@ pub fn search_in<'a>(fitter: &mut Fitter<'_>, looking: Option<&mut Fitter<'_>>, 
         || fitter.best(starts.par_iter().map(|start| fitter.refit(base, start)).collect::<Vec<_>>()),
         || {
             let mut fitter = fitter.looking_at(&all);
-            let chosen = fitter.refit(&found.chosen.model, &found.chosen.theta);
+            let chosen = placed_anew(&fitter, fitter.refit(&found.chosen.model, &found.chosen.theta));
             fitter.tau_samples = correlation(&fitter, &chosen);
             confirmed(&fitter, chosen, true, &incumbents(&found.rounds))
         },
@@ -275,11 +276,10 @@ pub fn screened<'a>(
     (residual, pressure): (&[f64], &[f64]),
     before: Option<&Round<'a>>,
 ) -> Vec<Fit<'a>> {
-    let parts = fitter.evidence.parts(residual);
-    let hint = hint(fitter, (residual, pressure), &parts, incumbent);
-    let model = incumbent.model.with(effect, effect.signature_nats(&hint));
+    let left = Left::of(fitter, incumbent, (residual, pressure));
+    let model = incumbent.model.with(effect, left.signature_nats(effect));
     let mut starts = model.starts(effect);
-    starts.extend(effect.propose(&hint));
+    starts.extend(left.proposals(effect));
     starts.extend(before.and_then(|round| round.end_of(effect)));
     fitter.screen(&model, incumbent, &starts)
 }
@@ -287,28 +287,6 @@ pub fn screened<'a>(
 /// A gain below this [nats] is far from evidence for a name.
 fn stuck_nats(fitter: &Fitter<'_>) -> f64 {
     STUCK * fitter.criteria.very_strong
-}
-
-/// What an effect may look at to propose where its fit begins.
-fn hint<'h>(
-    fitter: &'h Fitter<'_>,
-    (residual, pressure): (&'h [f64], &'h [f64]),
-    parts: &'h [(f64, &'h [f64])],
-    incumbent: &Fit<'_>,
-) -> Hint<'h> {
-    let (samples, run) = fitter.evidence.longest();
-    Hint {
-        start_s: run.elapsed_s,
-        dt_s: run.dt_s,
-        current_a: &run.current_a,
-        delay_s: incumbent.theta[AT.late],
-        // Most proposals come from the longest run; the fit then sees all runs.
-        residual_bar: &residual[samples.clone()],
-        parts,
-        pressure_bar: &pressure[samples],
-        scale_bar: incumbent.scale_bar,
-        recalibrated: (incumbent.theta[AT.gain], incumbent.theta[AT.offset]),
-    }
 }
 
 /// How many samples of this fit's residual count as one.

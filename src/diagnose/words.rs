@@ -67,7 +67,7 @@ fn not_followed(d: &Diagnosis) -> String {
         );
     }
     format!(
-        "Nothing else is off, but what that does to single readings comes by chance or at times of its own: no model follows it there, and {:.3} bar RMSE stay.",
+        "Nothing else is found to be off, but {:.3} bar RMSE stay. That may come by chance, at times of its own, or from where the valve stood before anybody looked: no model follows it.",
         d.rmse_bar.augmented_heldout
     )
 }
@@ -83,7 +83,9 @@ pub fn summary(d: &Diagnosis) -> String {
         .effects
         .iter()
         .map(|f| {
-            let values: Vec<String> = f.parameters.iter().take(3).map(|(name, p)| format!("{name} {}", figure(p.value, &p.unit))).collect();
+            // What stays at its default says nothing of this valve.
+            let told = f.parameters.iter().filter(|(name, p)| p.interval.is_some() || default_of(&f.id, name) != Some(p.value));
+            let values: Vec<String> = told.take(3).map(|(name, p)| format!("{name} {}", figure(p.value, &p.unit))).collect();
             let rivals = match f.indistinguishable.as_slice() {
                 [] => String::new(),
                 rivals => format!("; this record cannot tell it from {}", rivals.iter().map(|r| title(r)).collect::<Vec<_>>().join(" or ")),
@@ -117,15 +119,19 @@ pub fn summary(d: &Diagnosis) -> String {
     }
 }
 
+/// The value that a parameter of an effect has where a fit can do without it.
+fn default_of(id: &str, name: &str) -> Option<f64> {
+    effect(id)?.parameters().iter().find(|p| p.name == name)?.default
+}
+
 /// How sure a parameter of an effect is: its 95 % interval, or why it has none.
 pub fn uncertainty(id: &str, name: &str, estimate: &Estimate) -> String {
-    let default = || effect(id)?.parameters().iter().find(|p| p.name == name)?.default;
     let end = |value: f64| figure(value, &estimate.unit);
     match estimate.interval {
         Some((Some(low), Some(high))) => format!("{} to {}", end(low), end(high)),
         Some((Some(low), None)) => format!("at least {}", end(low)),
         Some((None, Some(high))) => format!("at most {}", end(high)),
-        None if default() == Some(estimate.value) => "its default".into(),
+        None if default_of(id, name) == Some(estimate.value) => "its default".into(),
         _ => "not carried by this recording".into(),
     }
 }

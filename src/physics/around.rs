@@ -20,7 +20,7 @@ impl Pipeline<'_> {
         let fine = |values: &[f64], input| spread(values, parts, input);
         let mut current_a = fine(signals.current_a, self.input);
         let [oil, supply] = [signals.oil_temp_c, signals.supply_bar].map(|c| c.map(|c| fine(c, crate::valve::Input::Ramp)));
-        let around = Signals { current_a: &[], oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref() };
+        let around = Signals { current_a: &[], oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref(), ..*signals };
         let context = self.context(start_s, dt_s / parts as f64, None);
         for mut block in self.current_blocks(&context).into_iter().flatten() {
             pass(block.as_mut(), &around, &mut current_a);

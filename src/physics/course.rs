@@ -28,9 +28,17 @@ pub fn simulate_course(valve: &Valve, course: &Course) -> Result<Vec<Vec<f64>>, 
     Ok(out)
 }
 
+/// One of so many readings at the begin of a run tells at which pressure it began.
+const FIRST: usize = 3;
+
 /// What a run brings for a simulation.
 pub fn signals(run: &Run) -> Signals<'_> {
-    Signals { current_a: &run.current_a, oil_temp_c: run.oil_temp_c.as_deref(), supply_bar: run.supply_bar.as_deref() }
+    Signals {
+        current_a: &run.current_a,
+        oil_temp_c: run.oil_temp_c.as_deref(),
+        supply_bar: run.supply_bar.as_deref(),
+        begins_bar: run.pressure_bar.iter().copied().take(FIRST).find(|p| p.is_finite()).unwrap_or(f64::NAN),
+    }
 }
 
 /// How far a simulation is from the readings, over all of them.

@@ -6,7 +6,9 @@
 //! where less is asked for), and u = sgn(d) (|d| / 1 bar)^(1/2), d = P0 - p: an orifice in line with a piston that the oil
 //! resists. It falls back likewise when P0 is below the plateau: there the pressure is P0 + hold (p - P0), as the return spring presses
 //! the oil out. The drag of the piston adds to the plateau on the way in and takes from it on the way out; between the two the
-//! piston stands. With the clutch full the pressure is P0. A run begins with the clutch empty.
+//! piston stands. With the clutch full the pressure is P0. A run begins with the clutch full
+//! where the pressure that was read at first is nearer to P0 than to what an empty clutch would show, by more than half
+//! the loop there, which nobody knows P0 better than by; otherwise with it empty.
 //!
 //! Signature: only from empty: a rise, a plateau at the kiss point, then a fast rise.
 //!
@@ -18,6 +20,7 @@ use super::block::{Block, Dynamic};
 use super::effect::{Context, Effect, Hint, Parameter, Stage, Theta};
 use super::signal::{Point, Step};
 use crate::units::{PRESSURE, RATIO, TIME};
+use crate::valve::ReferenceCurves;
 
 /// The effect `fill_phase`.
 pub struct FillPhase;
@@ -132,6 +135,7 @@ impl Effect for FillPhase {
             drag: theta[5],
             viscous: theta[6],
             left: context.arrival.left(),
+            curves: context.curves.clone(),
             stroke: 0.0,
         })
     }
@@ -181,6 +185,7 @@ struct Fill {
     drag: f64,
     viscous: f64,
     left: f64,
+    curves: ReferenceCurves,
     stroke: f64,
 }
 
@@ -295,8 +300,10 @@ const NEWTON_STEPS: usize = 5;
 const NEAR: f64 = 1e-5;
 
 impl Dynamic for Fill {
-    fn start(&mut self, _: &Point, _: f64) {
-        self.stroke = 0.0;
+    fn start(&mut self, at: &Point, input: f64) {
+        let open_bar = 0.5 * (self.curves.descending_at(at.current_a) - self.curves.ascending_at(at.current_a)).abs();
+        let is_full = (at.begins_bar - input).abs() + open_bar < (at.begins_bar - self.shown(input, 0.0)).abs();
+        self.stroke = if is_full { 1.0 } else { 0.0 };
     }
     #[inline]
     fn step(&mut self, _: &Point, from: f64, input: Step) -> Step {
@@ -337,6 +344,25 @@ mod tests {
     }
 
     #[test]
+    fn it_begins_full_or_empty_whichever_the_first_reading_is_nearer_to() {
+        for (viscous, input, begins_bar, stroke) in [
+            (0.0, 10.0, 9.8, 1.0),
+            (0.0, 10.0, 3.2, 0.0),
+            (0.0, 10.0, f64::NAN, 0.0),
+            // An empty clutch whose oil resists shows more than the plateau.
+            (2.7, 10.0, 5.9, 0.0),
+            // Half the loop is wider than what parts the two.
+            (0.0, 3.6, 3.5, 0.0),
+            // Below the plateau it is empty, whatever was read.
+            (0.0, 2.0, 2.1, 0.0),
+        ] {
+            let mut fill = piston(viscous, 0.2);
+            fill.start(&Point { begins_bar, ..Point::current(0.5) }, input);
+            assert_eq!(fill.stroke, stroke, "{viscous} {input} {begins_bar}");
+        }
+    }
+
+    #[test]
     fn oil_that_resists_lifts_the_plateau_with_the_root_of_the_excess() {
         let fill = piston(2.5, 0.0);
         for root in [0.5f64, 1.2, 2.0] {
@@ -350,6 +376,7 @@ mod tests {
     }
 
     fn piston(viscous: f64, spring: f64) -> Fill {
-        Fill { plateau: 3.0, rate: 0.1, spring, drain: 1.0, hold: 1.0, drag: 0.0, viscous, left: 0.0, stroke: 0.0 }
+        let curves = crate::physics::tests::valve(Vec::new()).curves;
+        Fill { plateau: 3.0, rate: 0.1, spring, drain: 1.0, hold: 1.0, drag: 0.0, viscous, left: 0.0, curves, stroke: 0.0 }
     }
 }

@@ -10,7 +10,7 @@ pub(super) fn blame(pipeline: &Pipeline<'_>, (start_s, dt_s): (f64, f64), signal
     let end = (k + 1).min(signals.current_a.len());
     let cut = |channel: Option<&'_ [f64]>| channel.map(|c| c[..end].to_vec());
     let (oil, supply) = (cut(signals.oil_temp_c), cut(signals.supply_bar));
-    let begin = Signals { current_a: &signals.current_a[..end], oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref() };
+    let begin = Signals { current_a: &signals.current_a[..end], oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref(), ..*signals };
     let finite = |changed: &Pipeline<'_>| {
         let (mut work, mut pressure) = (Vec::new(), Vec::new());
         changed.run(start_s, dt_s, &begin, &mut work, &mut pressure);

@@ -80,13 +80,20 @@ struct Buffers {
     current_a: Vec<f64>,
     /// Oil temperature [degC] and supply pressure [bar], where recorded.
     channels: [Option<Vec<f64>>; 2],
+    /// The pressure that was read at first [bar].
+    begins_bar: f64,
 }
 
 impl Buffers {
     fn lane(&mut self) -> Lane<'_> {
         let [oil_temp_c, supply_bar] = &self.channels;
         Lane {
-            at: Signals { current_a: &self.current_a, oil_temp_c: oil_temp_c.as_deref(), supply_bar: supply_bar.as_deref() },
+            at: Signals {
+                current_a: &self.current_a,
+                oil_temp_c: oil_temp_c.as_deref(),
+                supply_bar: supply_bar.as_deref(),
+                begins_bar: self.begins_bar,
+            },
             from: 0.0,
             signal: Courses { to: &mut self.to, mean: &mut self.mean, jump: &mut self.jump },
         }
@@ -148,6 +155,7 @@ impl Middle {
         for (channel, out) in [at.oil_temp_c, at.supply_bar].into_iter().zip(&mut out.channels) {
             *out = channel.map(|values| values.iter().flat_map(|v| std::iter::repeat_n(*v, inner)).collect());
         }
+        out.begins_bar = at.begins_bar;
         let (mut last, mut last_a) = self.last;
         if inner == 1 {
             out.current_a.copy_from_slice(at.current_a);

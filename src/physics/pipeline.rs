@@ -97,7 +97,7 @@ impl<'a> Pipeline<'a> {
             let fine = |values: &[f64], input: Input| spread(values, parts, input);
             let current_a = fine(signals.current_a, self.input);
             let [oil, supply] = [signals.oil_temp_c, signals.supply_bar].map(|c| c.map(|c| fine(c, Input::Ramp)));
-            let signals = Signals { current_a: &current_a, oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref() };
+            let signals = Signals { current_a: &current_a, oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref(), ..*signals };
             let dt_s = dt_s / parts as f64;
             let mut all = Vec::new();
             self.run_stages(start_share, self.context(start_s, dt_s, None), &signals, work, &mut all);

@@ -127,7 +127,8 @@ impl Plant {
         let (oil_temp_c, supply_bar) = (self.oil_temp_c, self.supply_bar);
         let pass = |blocks: &mut [Box<dyn Pointwise>], mut current_a: f64| {
             for block in blocks {
-                let at = Point { current_a, oil_temp_c: oil_temp_c.unwrap_or(f64::NAN), supply_bar: supply_bar.unwrap_or(f64::NAN) };
+                let channel = |value: Option<f64>| value.unwrap_or(f64::NAN);
+                let at = Point { oil_temp_c: channel(oil_temp_c), supply_bar: channel(supply_bar), ..Point::current(current_a) };
                 if settle {
                     block.start(&at, current_a);
                 }
@@ -147,7 +148,9 @@ impl Plant {
         let mut pressure = [self.elsewhere_bar.unwrap_or(own_bar)];
         let channel = |value: &Option<f64>| value.map(|v| [v]);
         let (oil, supply) = (channel(&self.oil_temp_c), channel(&self.supply_bar));
-        let at = Signals { current_a: &[current_a], oil_temp_c: oil.as_ref().map(|o| &o[..]), supply_bar: supply.as_ref().map(|s| &s[..]) };
+        let (oil_temp_c, supply_bar) = (oil.as_ref().map(|o| &o[..]), supply.as_ref().map(|s| &s[..]));
+        let current_a = [current_a];
+        let at = Signals { oil_temp_c, supply_bar, ..Signals::current(&current_a) };
         self.chain.run(&at, &mut pressure);
         pressure[0]
     }

@@ -79,6 +79,7 @@ impl Effect for ReferenceShift {
         // since the error does not change while the instant moves between two samples.
         let mut out = vec![vec![hint.recalibrated.0, hint.recalibrated.1, 0.0, 0.0]];
         out.extend(best_instant(hint).map(|(from_s, gain, offset_bar)| vec![gain, offset_bar, from_s, 0.0]));
+        out.extend(best_gap(hint).map(|(from_s, offset_bar)| vec![0.0, offset_bar, from_s, 0.0]));
         out
     }
     fn resolved(&self, k: usize, of: Sampling) -> Option<f64> {
@@ -131,6 +132,9 @@ const ALONE: f64 = 1.5;
 /// Up to this share of the span above the lowest pressure a valve may stand at tank pressure, where no change of its zero shows.
 const TANK: f64 = 0.01;
 
+/// No change of the zero is larger [bar]: the range of the effect.
+const MOST_OF_LEVEL_BAR: f64 = 6.0;
+
 /// A reading: its sample, what its residual may be made of, and the residual [bar].
 struct Reading {
     sample: usize,
@@ -181,6 +185,25 @@ fn best_instant(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
     let alone = came.abs() > ALONE * elsewhere;
     let from_s = hint.start_s + (readings[at].sample as f64 - 0.5) * hint.dt_s;
     (alone && came * said > AT_ONCE * said * said).then_some((from_s, change[1], change[0]))
+}
+
+/// The gap between two runs on whose sides two levels leave the least of the residual: where it ends [s], and by how much the zero has
+/// changed [bar]. `None` of one run.
+fn best_gap(hint: &Hint<'_>) -> Option<(f64, f64)> {
+    let sums = |(_, residual): &(f64, &[f64])| {
+        let finite = residual.iter().filter(|e| e.is_finite());
+        finite.fold((0.0, 0.0), |(sum, count), e| (sum + e.clamp(-MOST_OF_LEVEL_BAR, MOST_OF_LEVEL_BAR), count + 1.0))
+    };
+    let of: Vec<(f64, f64)> = hint.parts.iter().map(sums).collect();
+    let together = |of: &[(f64, f64)]| of.iter().fold((0.0, 0.0), |all, one| (all.0 + one.0, all.1 + one.1));
+    let change = |k: usize| {
+        let (before, behind) = (together(&of[..k]), together(&of[k..]));
+        let offset_bar = behind.0 / behind.1 - before.0 / before.1;
+        let taken = offset_bar * offset_bar * before.1 * behind.1 / (before.1 + behind.1);
+        taken.is_finite().then_some((taken, hint.parts[k].0 - 0.5 * hint.dt_s, offset_bar))
+    };
+    let best = (1..of.len()).filter_map(change).max_by(|a, b| a.0.total_cmp(&b.0));
+    best.map(|(_, from_s, offset_bar)| (from_s, offset_bar))
 }
 
 fn readings(hint: &Hint<'_>) -> Vec<Reading> {

@@ -126,13 +126,15 @@ pub struct Point {
     pub oil_temp_c: f64,
     /// Supply pressure [bar]; NaN where it is not recorded.
     pub supply_bar: f64,
+    /// The pressure that was read at the first sample of the run [bar]; NaN where none was. Only where a block starts does it count.
+    pub begins_bar: f64,
 }
 
 impl Point {
     /// With nothing recorded besides the current.
     #[inline]
     pub fn current(current_a: f64) -> Self {
-        Self { current_a, oil_temp_c: f64::NAN, supply_bar: f64::NAN }
+        Self { current_a, oil_temp_c: f64::NAN, supply_bar: f64::NAN, begins_bar: f64::NAN }
     }
 }
 
@@ -145,25 +147,33 @@ pub struct Signals<'a> {
     pub oil_temp_c: Option<&'a [f64]>,
     /// Supply pressure [bar], where recorded.
     pub supply_bar: Option<&'a [f64]>,
+    /// The pressure that was read at the first sample [bar]; NaN where none was.
+    pub begins_bar: f64,
 }
 
 impl<'a> Signals<'a> {
     /// With nothing recorded besides the current.
     pub fn current(current_a: &'a [f64]) -> Self {
-        Self { current_a, oil_temp_c: None, supply_bar: None }
+        Self { current_a, oil_temp_c: None, supply_bar: None, begins_bar: f64::NAN }
     }
 
     /// What is known at sample `k`.
     #[inline]
     pub fn at(&self, k: usize) -> Point {
         let of = |channel: Option<&[f64]>| channel.map_or(f64::NAN, |c| c[k]);
-        Point { current_a: self.current_a[k], oil_temp_c: of(self.oil_temp_c), supply_bar: of(self.supply_bar) }
+        Point {
+            current_a: self.current_a[k],
+            oil_temp_c: of(self.oil_temp_c),
+            supply_bar: of(self.supply_bar),
+            begins_bar: self.begins_bar,
+        }
     }
 
     /// What is known at some of the samples.
     pub fn part(&self, samples: std::ops::Range<usize>) -> Self {
         let of = |channel: &'a [f64]| &channel[samples.clone()];
-        Self { current_a: of(self.current_a), oil_temp_c: self.oil_temp_c.map(of), supply_bar: self.supply_bar.map(of) }
+        let begins_bar = if samples.start == 0 { self.begins_bar } else { f64::NAN };
+        Self { current_a: of(self.current_a), oil_temp_c: self.oil_temp_c.map(of), supply_bar: self.supply_bar.map(of), begins_bar }
     }
 
     /// The same with another current.
@@ -171,7 +181,7 @@ impl<'a> Signals<'a> {
     where
         'a: 'b,
     {
-        Signals { current_a, oil_temp_c: self.oil_temp_c, supply_bar: self.supply_bar }
+        Signals { current_a, ..*self }
     }
 }
 

@@ -78,7 +78,7 @@ pub fn simulate_with(valve: &Valve, input: Input, time_s: &[f64], signals: &Sign
         Input::Ramp => interpolate(time_s, &held, &even),
     };
     let [oil, supply] = [signals.oil_temp_c, signals.supply_bar].map(|c| c.map(|c| interpolate(time_s, c, &even)));
-    let signals = Signals { current_a: &current, oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref() };
+    let signals = Signals { current_a: &current, oil_temp_c: oil.as_deref(), supply_bar: supply.as_deref(), ..*signals };
     pipeline.run(time_s[0], dt_s, &signals, &mut work, &mut pressure);
     Ok(interpolate(&even, &finite(pressure, dt_s, &signals)?, time_s))
 }
