@@ -96,7 +96,7 @@ fn what_the_valve_stands_in_is_an_input_where_an_effect_uses_it() {
     let mut seen = 0;
     for effect in EFFECTS.iter().filter(|e| e.needs() == Some(Channel::OilTemperature)) {
         let valve = with(*effect);
-        let signals = Signals { current_a: &current, oil_temp_c: Some(&oil), supply_bar: None };
+        let signals = Signals { oil_temp_c: Some(&oil), ..Signals::current(&current) };
         let whole = simulate_with(&valve, Input::Held, &time, &signals).unwrap();
         let started = |oil_c: Option<f64>| {
             let mut instance = Instance::of(valve.clone(), Part::Whole, STEP_S).unwrap();
