@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::base::AT;
-use super::fit::{Fit, Fitter};
+use super::fit::{Fit, Fitter, clamped};
 use super::simulator::Simulator;
 use crate::course::Run;
 use crate::physics::{Effect, Hint};
@@ -72,20 +72,14 @@ pub fn placed_anew<'a>(fitter: &Fitter<'_>, fit: Fit<'a>) -> Fit<'a> {
         // What it leaves is larger than what the fit does.
         let less = fitter.judged(&less.model, &less.theta, fitter.guessed_scale_bar(), &without);
         let proposals = Left::of(fitter, &less, (&without, &pressure)).proposals(fit.model.effects[k]);
-        let begins: Vec<Fit<'a>> = proposals
-            .iter()
-            .map(|values| {
-                let mut theta = fit.theta.clone();
-                let place = fit.model.place(k);
-                theta[place.clone()]
-                    .iter_mut()
-                    .zip(values)
-                    .zip(&fit.model.held[k])
-                    .filter(|(_, held)| !**held)
-                    .for_each(|((t, v), _)| *t = *v);
-                fitter.score_near(&mut simulator, &fit.model, &theta, fit.scale_bar, &mut residual)
-            })
-            .collect();
+        let free = fit.model.free();
+        let mut begin = |values: &Vec<f64>| {
+            let mut theta = fit.theta.clone();
+            theta[fit.model.place(k)].copy_from_slice(values);
+            // What is held stays where it is: its range is nothing but that.
+            fitter.score_near(&mut simulator, &fit.model, &clamped(&free, &theta), fit.scale_bar, &mut residual)
+        };
+        let begins: Vec<Fit<'a>> = proposals.iter().map(&mut begin).collect();
         match fitter.best(begins).filter(|begin| fitter.objective(begin) < fitter.objective(&fit)) {
             Some(begin) => fitter.better(fit, fitter.refit(&begin.model, &begin.theta)),
             None => fit,

@@ -84,7 +84,7 @@ pub fn summary(d: &Diagnosis) -> String {
         .iter()
         .map(|f| {
             // What stays at its default says nothing of this valve.
-            let told = f.parameters.iter().filter(|(name, p)| p.interval.is_some() || default_of(&f.id, name) != Some(p.value));
+            let told = f.parameters.iter().filter(|(name, p)| !stays_at_default(&f.id, name, p));
             let values: Vec<String> = told.take(3).map(|(name, p)| format!("{name} {}", figure(p.value, &p.unit))).collect();
             let rivals = match f.indistinguishable.as_slice() {
                 [] => String::new(),
@@ -119,9 +119,10 @@ pub fn summary(d: &Diagnosis) -> String {
     }
 }
 
-/// The value that a parameter of an effect has where a fit can do without it.
-fn default_of(id: &str, name: &str) -> Option<f64> {
-    effect(id)?.parameters().iter().find(|p| p.name == name)?.default
+/// Whether a parameter of an effect stays at the value with which a fit does without it.
+fn stays_at_default(id: &str, name: &str, estimate: &Estimate) -> bool {
+    let default = || effect(id)?.parameters().iter().find(|p| p.name == name)?.default;
+    estimate.interval.is_none() && default() == Some(estimate.value)
 }
 
 /// How sure a parameter of an effect is: its 95 % interval, or why it has none.
@@ -131,7 +132,7 @@ pub fn uncertainty(id: &str, name: &str, estimate: &Estimate) -> String {
         Some((Some(low), Some(high))) => format!("{} to {}", end(low), end(high)),
         Some((Some(low), None)) => format!("at least {}", end(low)),
         Some((None, Some(high))) => format!("at most {}", end(high)),
-        None if default_of(id, name) == Some(estimate.value) => "its default".into(),
+        None if stays_at_default(id, name, estimate) => "its default".into(),
         _ => "not carried by this recording".into(),
     }
 }

@@ -50,7 +50,7 @@ impl Effect for ReferenceShift {
             Parameter {
                 name: "offset",
                 unit: &PRESSURE,
-                range: (-6.0, 6.0),
+                range: (-MOST_BAR, MOST_BAR),
                 starts: &[0.0],
                 default: Some(0.0),
                 meaning: "change of the pressure",
@@ -132,8 +132,8 @@ const ALONE: f64 = 1.5;
 /// Up to this share of the span above the lowest pressure a valve may stand at tank pressure, where no change of its zero shows.
 const TANK: f64 = 0.01;
 
-/// No change of the zero is larger [bar]: the range of the effect.
-const MOST_OF_LEVEL_BAR: f64 = 6.0;
+/// No change of the zero is larger [bar].
+const MOST_BAR: f64 = 6.0;
 
 /// A reading: its sample, what its residual may be made of, and the residual [bar].
 struct Reading {
@@ -192,7 +192,7 @@ fn best_instant(hint: &Hint<'_>) -> Option<(f64, f64, f64)> {
 fn best_gap(hint: &Hint<'_>) -> Option<(f64, f64)> {
     let sums = |(_, residual): &(f64, &[f64])| {
         let finite = residual.iter().filter(|e| e.is_finite());
-        finite.fold((0.0, 0.0), |(sum, count), e| (sum + e.clamp(-MOST_OF_LEVEL_BAR, MOST_OF_LEVEL_BAR), count + 1.0))
+        finite.fold((0.0, 0.0), |(sum, count), e| (sum + e.clamp(-MOST_BAR, MOST_BAR), count + 1.0))
     };
     let of: Vec<(f64, f64)> = hint.parts.iter().map(sums).collect();
     let together = |of: &[(f64, f64)]| of.iter().fold((0.0, 0.0), |all, one| (all.0 + one.0, all.1 + one.1));
