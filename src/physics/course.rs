@@ -28,8 +28,18 @@ pub fn simulate_course(valve: &Valve, course: &Course) -> Result<Vec<Vec<f64>>, 
     Ok(out)
 }
 
-/// One of so many readings at the begin of a run tells at which pressure it began.
+/// The median of so many readings tells at which pressure a run began: a spoilt one does not,
 const FIRST: usize = 3;
+/// nor do those that are missing, where others come within this time [s].
+const FIRST_S: f64 = 0.1;
+
+/// The pressure at which a run began [bar]; NaN where nothing was read then.
+fn begins_bar(run: &Run) -> f64 {
+    let soon = FIRST.max((FIRST_S / run.dt_s) as usize);
+    let mut first: Vec<f64> = run.pressure_bar.iter().copied().take(soon).filter(|p| p.is_finite()).take(FIRST).collect();
+    first.sort_by(f64::total_cmp);
+    first.get(first.len() / 2).copied().unwrap_or(f64::NAN)
+}
 
 /// What a run brings for a simulation.
 pub fn signals(run: &Run) -> Signals<'_> {
@@ -37,7 +47,7 @@ pub fn signals(run: &Run) -> Signals<'_> {
         current_a: &run.current_a,
         oil_temp_c: run.oil_temp_c.as_deref(),
         supply_bar: run.supply_bar.as_deref(),
-        begins_bar: run.pressure_bar.iter().copied().take(FIRST).find(|p| p.is_finite()).unwrap_or(f64::NAN),
+        begins_bar: begins_bar(run),
     }
 }
 
@@ -67,5 +77,21 @@ impl Misfit {
     /// Root mean square [bar]; `None` without readings.
     pub fn rmse_bar(self) -> Option<f64> {
         (self.readings > 0).then(|| (self.squares_bar2 / self.readings as f64).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neither_a_spoilt_nor_a_missing_reading_hides_at_which_pressure_a_run_began() {
+        let gap = f64::NAN;
+        let begins = |read: &[f64]| signals(&Run::even(None, 0.0, 0.01, vec![0.5; read.len()], read.to_vec())).begins_bar;
+        assert_eq!(begins(&[10.0, 10.1, 9.9, 3.0]), 10.0);
+        assert_eq!(begins(&[0.1, 10.0, 10.2]), 10.0);
+        assert_eq!(begins(&[gap, gap, gap, 10.0, gap, 9.9, 9.8]), 9.9);
+        assert_eq!(begins(&[10.0]), 10.0);
+        assert!(begins(&[]).is_nan() && begins(&[[gap; 20].as_slice(), &[10.0]].concat()).is_nan());
     }
 }
