@@ -8,6 +8,9 @@ use crate::recording::Recording;
 /// How long a valve shows a fast movement of the current [s].
 const BEHIND_S: f64 = 0.5;
 
+/// So many movements show what a valve does at their pace; what follows one of them may be a matter of where it was.
+const SHOWN: usize = 3;
+
 /// A current that goes nearly all of its way in a tenth of the time is one of steps.
 const STEPS: (f64, f64) = (0.95, 0.1);
 
@@ -66,9 +69,24 @@ fn rates(run: &Run) -> impl Iterator<Item = f64> {
     (0..run.len()).map(move |k| (run.current_a[k] - run.current_a[k.saturating_sub(every)]).abs() / (every as f64 * run.dt_s))
 }
 
-/// Which samples of `record` lie behind a movement so fast that the fastest of `good` does not reach this share of it.
+/// How fast the current moves in its fastest movements, the [`SHOWN`]-th of them, or in all where there are fewer [A/s].
+fn fastest(runs: &[Run]) -> f64 {
+    let mut rates: Vec<Vec<f64>> = runs.iter().map(|run| rates(run).collect()).collect();
+    let mut slowest = 0.0;
+    for _ in 0..SHOWN {
+        let peaks = rates.iter().enumerate().flat_map(|(r, rates)| rates.iter().enumerate().map(move |(k, rate)| (*rate, r, k)));
+        let Some((rate, run, at)) = peaks.filter(|(rate, ..)| *rate > 0.0).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        slowest = rate;
+        let about = (BEHIND_S / runs[run].dt_s) as usize;
+        let end = (at + about + 1).min(rates[run].len());
+        rates[run][at.saturating_sub(about)..end].fill(0.0);
+    }
+    slowest
+}
+
+/// Which samples of `record` lie behind a movement so fast that the fastest of `good` do not reach this share of it.
 pub fn faster(good: &Evidence, record: &Evidence, share: f64) -> Vec<bool> {
-    let fastest = good.grids.iter().flat_map(rates).fold(0.0, f64::max) / share;
+    let fastest = fastest(&good.grids) / share;
     let of_run = |run: &Run| {
         let behind = (BEHIND_S / run.dt_s) as usize;
         let mut last = None;
@@ -176,6 +194,20 @@ mod tests {
         assert_eq!(unseen(10, 6), (None, 0), "not twice as fast over a tenth of a second");
         let (first, count) = unseen(40, 10);
         assert!(first.is_some_and(|k| (200..=210).contains(&k)) && (50..=70).contains(&count), "{first:?} {count}");
+    }
+
+    #[test]
+    fn what_follows_one_fast_movement_or_two_is_not_known_of_the_next() {
+        // Steps of 0.1 A every second, and so many of 0.4 A among them.
+        let drive = |fast: usize| {
+            let step = |k: usize| if k % 4 == 1 && k / 4 < fast { 0.4 } else { 0.1 };
+            let current: Vec<f64> = (0..2000).map(|k: usize| if (k / 100).is_multiple_of(2) { 0.3 } else { 0.3 + step(k / 100) }).collect();
+            held(vec![Run::even(None, 0.0, 0.01, current.clone(), current)])
+        };
+        let unseen = |good: usize| faster(&drive(good), &drive(4), 0.5).contains(&true);
+        // A step goes up and down again.
+        assert!([0, 1].iter().all(|good| unseen(*good)) && [2, 3, 4].iter().all(|good| !unseen(*good)));
+        assert!((fastest(&drive(1).grids) - 1.0).abs() < 1e-9 && (fastest(&drive(2).grids) - 4.0).abs() < 1e-9);
     }
 
     #[test]
