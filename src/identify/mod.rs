@@ -23,6 +23,7 @@ mod quality;
 mod search;
 mod segment;
 mod select;
+mod settled;
 mod start;
 mod survey;
 mod uncertainty;
@@ -39,10 +40,11 @@ pub use quality::Quality;
 use crate::course::{Course, CourseError, Preparation};
 use crate::process_loop::{self, SLOW_STEP_S};
 use crate::recording::Recording;
-use crate::valve::MAX_TIME_S;
+use crate::valve::{Input, MAX_TIME_S};
 use fit::Problem;
 use outcome::source_names;
 use segment::Segment;
+use windows::Taken;
 
 /// Fewest samples with current and pressure.
 const MIN_SAMPLES: usize = 50;
@@ -86,7 +88,9 @@ pub fn identify_courses(courses: &[Course], options: &Options) -> Result<Identif
         found.notes.push(FALLING.into());
         return Ok(found);
     }
-    let (mut segments, whole) = windows::segments(courses);
+    let stated = courses.iter().find(|c| c.input_stated).map(|c| c.input);
+    let options = &Options { input: options.input.or(stated), ..options.clone() };
+    let (mut segments, taken) = windows::segments(courses, options.input.unwrap_or(Input::Ramp));
     let mut survey = checked_survey(courses, &mut segments)?;
     // In a closed loop the controller turns the two against each other, whichever way the process moves.
     let controlled = courses.iter().any(is_control_loop);
@@ -98,18 +102,29 @@ pub fn identify_courses(courses: &[Course], options: &Options) -> Result<Identif
     let longest_step_s = segments.iter().map(|s| s.step_s).fold(0.0, f64::max);
     let longest_s = (50.0 * longest_step_s).max(0.5).min(0.25 * duration_s);
     let longest_lag_s = (4.0 * longest_s).min(0.25 * duration_s).min(MAX_TIME_S);
-    let problem = Problem::new(&segments, longest_s, longest_lag_s, survey.span_bar, survey.noise_bar);
-    let weights = problem.weights();
-    let stated = courses.iter().find(|c| c.input_stated).map(|c| c.input);
-    let options = &Options { input: options.input.or(stated), ..options.clone() };
-    let found = search::search(&problem, &mut survey, options, &weights);
+    let (span_bar, noise_bar) = (survey.span_bar, survey.noise_bar);
+    let of = |segments| Problem::new(segments, longest_s, longest_lag_s, span_bar, noise_bar);
+    let mut problem = of(&segments);
+    let mut weights = problem.weights();
+    // Of readings that are left out nobody knows whether the command stood meanwhile, and a straight line is right for the rest.
+    let between = Options { input: options.input.or(taken.is_thinned().then_some(Input::Ramp)), ..options.clone() };
+    let mut found = search::search(&problem, &mut survey, &between, &weights);
+    let mut all: Vec<Segment>;
+    if let Taken::Every(_) = taken {
+        all = windows::all(courses);
+        checked_survey(courses, &mut all)?;
+        problem = of(&all);
+        let of_all = problem.weights();
+        found = search::to_the_end(&problem, (found, &weights), &survey, options, &of_all);
+        weights = of_all;
+    }
     let heldout_bar = found.heldout_bar;
     if !found.fit.theta.iter().all(|t| t.is_finite()) || !found.fit.cost.is_finite() {
         return Err(IdentifyError::NotFinite { source_name: source_names(courses) });
     }
     let limit = found.limit_bar;
     let (fit, nodes) = profile::lowest(&problem, found.fit, &weights, limit, |fit| uncertainty::variance(&problem, fit, &weights, limit).0);
-    let data = outcome::Data { courses, whole, problem: &problem, survey: &survey, controlled };
+    let data = outcome::Data { courses, taken, problem: &problem, survey: &survey, controlled };
     Ok(outcome::outcome(&data, options, &fit, (&nodes, limit), (found.orders, heldout_bar)))
 }
 

@@ -91,8 +91,8 @@ impl Identified {
 pub(super) struct Data<'a> {
     /// The recordings, made ready.
     pub courses: &'a [Course],
-    /// Whether the problem holds the whole recording.
-    pub whole: bool,
+    /// What the problem holds of them.
+    pub taken: windows::Taken,
     /// The fitted segments.
     pub problem: &'a Problem<'a>,
     /// What was found in them.
@@ -108,7 +108,7 @@ pub(super) fn outcome(
     (nodes, limit): (&[Node], f64),
     (orders, heldout_bar): (Vec<OrderError>, Option<f64>),
 ) -> Identified {
-    let Data { courses, whole, problem, survey, controlled } = *data;
+    let Data { courses, taken, problem, survey, controlled } = *data;
     let shape = &fit.shape;
     let weights = problem.weights();
     let (variance, time) = variance(problem, fit, &weights, limit);
@@ -142,14 +142,15 @@ pub(super) fn outcome(
     };
     let ones: Vec<f64> =
         problem.segments.iter().flat_map(|s| s.pressure_bar.iter().map(|p| if p.is_finite() { 1.0 } else { 0.0 })).collect();
-    let (rmse_bar, rmse_average_model_bar) =
-        if whole { (rmse(problem, &simulated, &ones), rmse(problem, &average, &ones)) } else { rmse_of_all(courses, fit) };
+    let (rmse_bar, rmse_average_model_bar) = if taken == windows::Taken::All {
+        (rmse(problem, &simulated, &ones), rmse(problem, &average, &ones))
+    } else {
+        rmse_of_all(courses, fit)
+    };
     let (r2_ascending, r2_descending) = branches(problem, survey, &delayed, &simulated);
     let quality = quality(problem, survey, fit, &weights, limit, &delayed);
     let mut notes = warnings::notes(courses, survey, fit, &valve);
-    if !whole {
-        notes.push(warnings::windows_note(courses, problem));
-    }
+    notes.extend(warnings::taken_note(courses, problem, taken));
     let mut warnings = warnings::warnings(problem, survey, fit, &parameters, options, &valve);
     if controlled {
         warnings.push(warnings::CONTROLLED.into());

@@ -23,6 +23,9 @@ const A_AGAIN: [f64; 6] = [1e-3, 1e-2, 0.1, 0.5, 2.0, 8.0];
 /// A minimum is another one where it is lower by this share.
 const LOWER: f64 = 1e-3;
 
+/// Steps of a fit to all readings, in each of two rounds: it begins next to its end.
+const LAST_STEPS: usize = 5;
+
 /// Another form of the loop must lower the held-out error by this share: below, it repairs what nobody would notice.
 const FORM_GAIN: f64 = 0.03;
 
@@ -75,6 +78,43 @@ pub(super) fn search(problem: &Problem<'_>, survey: &mut Survey, options: &Optio
         found = or_better(found, with_floor, &same, FORM_GAIN);
     }
     found
+}
+
+/// What was found in one reading of several, by `thinned` weights, fitted to all of them, with what the command does between them.
+///
+/// Where they are followed less closely, the loop may be another one: a hyperbola starts anew at each turn of a current that trembles,
+/// and of these one reading of several shows a few only.
+pub(super) fn to_the_end(
+    problem: &Problem<'_>,
+    (found, thinned): (Found, &[f64]),
+    survey: &Survey,
+    options: &Options,
+    weights: &[f64],
+) -> Found {
+    let at_first_bar = select::rms(&found.fit.residual_bar, thinned);
+    let with = |input| {
+        let shape = Shape { input, ..found.fit.shape.clone() };
+        select::fit_robust(problem, &shape, &found.fit.theta, weights, survey.noise_bar, &[LAST_STEPS, LAST_STEPS])
+    };
+    let (fit, limit_bar) = match options.input {
+        Some(input) => with(input),
+        None => {
+            let (held, ramp) = rayon::join(|| with(Input::Held), || with(Input::Ramp));
+            if is_ramp(problem, [&held.0, &ramp.0], weights, survey.noise_bar) { ramp } else { held }
+        }
+    };
+    let hides = select::rms(&fit.residual_bar, weights) > FAR * at_first_bar.max(survey.noise_bar);
+    let found = Found { fit, limit_bar, ..found };
+    if hides && options.hysteresis == HysteresisChoice::Auto && found.fit.shape.form == Form::Hyperbolic {
+        return with_free_loop(problem, survey, options, found, weights);
+    }
+    found
+}
+
+/// Whether the command is on straight lines between its samples: the convention stands where the data do not speak against it.
+fn is_ramp(problem: &Problem<'_>, [held, ramp]: [&Fit; 2], weights: &[f64], noise_bar: f64) -> bool {
+    let against = if Input::default() == Input::Held { INPUT_GAIN } else { -INPUT_GAIN };
+    select::gain(problem, held, ramp, weights, noise_bar) > against
 }
 
 /// The way to the minimum.
@@ -190,10 +230,7 @@ fn first_fit(problem: &Problem<'_>, survey: &Survey, options: &Options, input: O
         return with(input);
     }
     let (held, ramp) = rayon::join(|| with(Input::Held), || with(Input::Ramp));
-    // The convention stands where the data do not speak against it.
-    let gain = |ramp: &Fit| select::gain(problem, &held, ramp, weights, survey.noise_bar);
-    let against = if Input::default() == Input::Held { INPUT_GAIN } else { -INPUT_GAIN };
-    if gain(&ramp) <= against { held } else { ramp }
+    if is_ramp(problem, [&held, &ramp], weights, survey.noise_bar) { ramp } else { held }
 }
 
 fn fit_of(problem: &Problem<'_>, survey: &Survey, options: &Options, input: Input, weights: &[f64]) -> Fit {

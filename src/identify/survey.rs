@@ -1,18 +1,14 @@
 //! What a recording holds before anything is fitted: noise, outliers, flat bottom and top, covered range, directions.
 
 use super::segment::{Segment, shortest_step_s};
-use crate::valve::Input;
+use super::settled::{Look, STEADY_HALF_WINDOW, Seen, sorted, used};
 
 /// Half-width of the window of the outlier test, in samples.
 const OUTLIER_HALF_WINDOW: usize = 2;
 /// An outlier is this many noise deviations away from the median of its neighbours.
 const OUTLIER_SIGMAS: f64 = 8.0;
-/// Half-width of the steadiness test, in samples.
-const STEADY_HALF_WINDOW: usize = 5;
 /// Delay that is assumed before one is known, in samples.
 const FIRST_DELAY_STEPS: f64 = 3.0;
-/// The current is still where it moves by less than this share of its range while the pressure settles.
-const STILL_SHARE: f64 = 0.02;
 /// A direction of the current counts after it has moved by this share of its range.
 const PLAY_SHARE: f64 = 0.02;
 /// A covered range that ends this share of the recorded one before it, or less, ends with it.
@@ -127,26 +123,12 @@ impl Survey {
     /// ago and has settled after `settling_s` more.
     pub fn cover(&mut self, segments: &[Segment], delay_s: f64, settling_s: f64) {
         let above = self.above_bar();
-        let tolerance = (6.0 * self.noise_bar).max(0.015 * self.span_bar);
-        let still = STILL_SHARE * (self.recorded_a.1 - self.recorded_a.0);
-        let steady_of = |s: &Segment| -> Vec<bool> { (0..s.len()).map(|k| s.weight[k] > 0.0 && is_steady(s, k, tolerance)).collect() };
-        let steady: Vec<Vec<bool>> = segments.iter().map(steady_of).collect();
-        self.steady = steady.iter().flatten().filter(|s| **s).count();
-        let enough = self.steady * 10 > self.samples;
-        let (mut seen, mut passed) = (Vec::new(), Vec::new());
-        for (s, steady) in segments.iter().zip(&steady) {
-            let (mut now, mut before) = (vec![0.0; s.len()], vec![0.0; s.len()]);
-            s.delayed(delay_s, Input::Held, &mut now);
-            s.delayed(delay_s + settling_s, Input::Held, &mut before);
-            let settled = |k: usize| !enough || (steady[k] && (now[k] - before[k]).abs() <= still);
-            seen.extend(used(s).filter(|k| s.pressure_bar[*k] > above && settled(*k)).map(|k| now[k]));
-            passed.extend(used(s).map(|k| now[k]));
-        }
-        let ends = |currents: Vec<f64>| {
-            let sorted = sorted(currents);
-            (nth(&sorted, sorted.len() / 1000), nth(&sorted, sorted.len().saturating_sub(1 + sorted.len() / 1000)))
-        };
-        let (settled, passed) = (ends(seen), ends(passed));
+        let tolerance_bar = (6.0 * self.noise_bar).max(0.015 * self.span_bar);
+        let range_a = self.recorded_a.1 - self.recorded_a.0;
+        let Seen { steady, settled, passed } =
+            Look { above_bar: above, tolerance_bar, span_bar: self.span_bar, range_a, samples: self.samples }
+                .at(segments, delay_s, settling_s);
+        self.steady = steady;
         // Where neither floor nor ceiling hides the pressure, a current that was only passed shows its curve as well.
         let covered = (
             if self.floor_bar.is_none() { settled.0.min(passed.0) } else { settled.0 },
@@ -169,24 +151,6 @@ impl Survey {
             if high + hair >= self.recorded_a.1 { self.recorded_a.1 } else { high },
         )
     }
-}
-
-/// The value at a rank, at least four samples away from both ends, so that a straggler decides nothing.
-fn nth(sorted: &[f64], rank: usize) -> f64 {
-    let last = sorted.len().saturating_sub(1);
-    let margin = 4.min(last / 2);
-    sorted.get(rank.clamp(margin, last - margin)).copied().unwrap_or(f64::NAN)
-}
-
-/// The samples that count.
-fn used(s: &Segment) -> impl Iterator<Item = usize> + '_ {
-    (0..s.len()).filter(|k| s.weight[*k] > 0.0)
-}
-
-fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
-    let mut v: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
-    v.sort_unstable_by(f64::total_cmp);
-    v
 }
 
 fn quantile(sorted: &[f64], share: f64) -> f64 {
@@ -268,13 +232,6 @@ fn ceiling(segments: &[Segment], pressures: &[f64], noise_bar: f64, span_bar: f6
     let beyond = segments.iter().flat_map(|s| used(s).map(|k| (s.current_a[k], s.pressure_bar[k]))).filter(|(i, _)| *i > begin);
     let (on, all) = beyond.fold((0usize, 0usize), |(on, all), (_, p)| (on + usize::from(p > from), all + 1));
     (flat && on * 10 >= all * 9).then(|| half(&points[n / 20..]))
-}
-
-fn is_steady(s: &Segment, k: usize, tolerance_bar: f64) -> bool {
-    if k < STEADY_HALF_WINDOW || k + STEADY_HALF_WINDOW >= s.len() {
-        return false;
-    }
-    (s.pressure_bar[k + STEADY_HALF_WINDOW] - s.pressure_bar[k - STEADY_HALF_WINDOW]).abs() < tolerance_bar
 }
 
 /// State of a play operator of the width `2 radius`, scaled to -1 (falling) to 1 (rising).

@@ -50,7 +50,11 @@ fn shrinking() -> Vec<f64> {
 }
 
 fn recorded(valve: &Valve, current_a: Vec<f64>, seed: u64) -> Run {
-    let time_s: Vec<f64> = (0..current_a.len()).map(|k| k as f64 * DT_S).collect();
+    recorded_every(DT_S, valve, current_a, seed)
+}
+
+fn recorded_every(step_s: f64, valve: &Valve, current_a: Vec<f64>, seed: u64) -> Run {
+    let time_s: Vec<f64> = (0..current_a.len()).map(|k| k as f64 * step_s).collect();
     let mut pressure = simulate(valve, Input::Ramp, &time_s, &current_a).unwrap();
     let (mut random, normal) = (Pcg64::seed_from_u64(seed), Normal::new(0.0, valve.noise_bar).unwrap());
     for p in &mut pressure {
@@ -198,6 +202,36 @@ fn a_drive_without_any_sweep_is_enough() {
     assert!((found.valve.delay_s + found.valve.lag_s - 0.02).abs() < 0.002, "{:?}", found.parameters);
     assert!((value(&found, "a") - 0.5).abs() < 0.2, "{:?}", found.parameters);
     assert!((found.rmse_bar - 0.03).abs() < 0.003, "{}", found.rmse_bar);
+}
+
+/// No reading of the ramps of twenty seconds stands still; those of a slow one at the top do, and those on the floor.
+#[test]
+fn ramps_of_which_a_slow_logger_leaves_few_readings_show_their_curves() {
+    let truth = valve(0.0234, 0.0);
+    let sweep = path(0.1, &[(2.0, 0.95), (2.0, 0.1), (2.0, 0.95), (2.0, 0.1), (0.0, 0.75), (2.0, 0.9), (2.0, 0.75)]);
+    let levels = [0.9, 0.8, 0.7, 0.85, 0.75, 0.92, 0.72].map(|level| [(0.0, level), (0.4, level)]);
+    let runs = [sweep, path(0.75, &levels.concat())].map(|current_a| recorded_every(0.1, &truth, current_a, 3));
+    for runs in [runs[..1].to_vec(), runs.to_vec()] {
+        let found = identify(&recording(runs), &Options::default()).unwrap();
+        assert!(found.rmse_bar < 1.1 * truth.noise_bar, "{}", found.quality.why);
+        assert!((value(&found, "delay") - 0.0234).abs() < 0.001, "{:?}", found.parameters);
+        let curves = &found.valve.curves;
+        for i in [0.25, 0.4, 0.6, 0.8] {
+            assert!((curves.ascending_at(i) - truth.curves.ascending_at(i)).abs() < 0.06, "{i}");
+        }
+    }
+}
+
+#[test]
+fn some_minutes_of_a_fast_logger_keep_their_turns() {
+    let truth = valve(0.0234, 0.0);
+    let outer = [(200.0, 0.95), (200.0, 0.1)].repeat(2);
+    let inner = [(0.2, 0.838), (0.35, 0.775), (0.45, 0.705)].map(|(low, high)| [(0.0, low), (200.0, high), (200.0, low)]);
+    let legs = [outer, inner.concat()].concat();
+    let found = identify(&recording(vec![recorded_every(0.001, &truth, path(0.1, &legs), 4)]), &Options::default()).unwrap();
+    assert!(found.notes.iter().any(|n| n.contains("one of 4 was fitted at first")), "{:?}", found.notes);
+    assert!((value(&found, "delay") - 0.0234).abs() < 0.0005, "{:?}", found.parameters);
+    assert!(found.rmse_bar < 1.05 * truth.noise_bar, "{}", found.quality.why);
 }
 
 #[test]

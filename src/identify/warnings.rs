@@ -3,6 +3,7 @@
 use super::fit::{Fit, Problem};
 use super::parameters::Parameter;
 use super::survey::Survey;
+use super::windows::Taken;
 use super::{HysteresisChoice, Options};
 use crate::course::Course;
 use crate::units::three_figures;
@@ -66,13 +67,18 @@ pub(super) fn notes(courses: &[Course], survey: &Survey, fit: &Fit, valve: &Valv
 }
 
 /// How a long recording was fitted.
-pub(super) fn windows_note(courses: &[Course], problem: &Problem<'_>) -> String {
+pub(super) fn taken_note(courses: &[Course], problem: &Problem<'_>, taken: Taken) -> Option<String> {
     let samples: usize = courses.iter().map(Course::samples).sum();
-    format!(
-        "of {samples} samples, {} in {} windows were fitted that together show every current, direction and rate; the RMSE is that of all samples",
-        problem.len(),
-        problem.segments.len()
-    )
+    let fitted = problem.len();
+    match taken {
+        Taken::All => None,
+        Taken::Every(every) => Some(format!("of {samples} samples, one of {every} was fitted at first, and all of them at the end")),
+        Taken::Windows(_) => Some(format!(
+            "of {samples} samples, {fitted} in {} windows were fitted that together show every current, direction and rate; the RMSE is that \
+             of all samples",
+            problem.segments.len()
+        )),
+    }
 }
 
 /// What the data cannot carry.
